@@ -158,6 +158,51 @@ def files_without_time(folder: Path) -> None:
             write(folder, f"{k}_{head.split()[0]}.txt", text)
 
 
+def runs_in_folders(folder: Path) -> None:
+    lines = (f"Run {k},{current},30\n" for k, current in enumerate(CURRENTS))
+    write(folder, "day/list.csv", "Run,Coil (A),Oil (°C)\n" + "".join(lines))
+    for k, run in enumerate(RUNS):
+        write(folder, f"day/Run {k}/daq.txt", BARE + table(*columns(run)[:3]))
+
+
+def listed_channel_files(folder: Path) -> None:
+    write(folder, "list.csv", "run;oil [°C]\n" + "".join(f"D{k}_a;30\n" for k in range(len(RUNS))))
+    for k, run in enumerate(RUNS):
+        for head, values in zip(("pos [mm]", "load [N]", "coil [A]"), columns(run)[1:], strict=True):
+            text = f"ts_ms;{head}\n" + table(1e3 * run.time, values, sign=";")
+            write(folder, f"D{k}_a_{head.split()[0]}.csv", text)
+
+
+def sheets(folder: Path, *, listed: bool) -> None:
+    """Write a workbook with a sheet for each run, and the list of the runs on a sheet or in a file."""
+    from openpyxl import Workbook
+
+    book = Workbook()
+    lines = [["No.", "Table", "Coil", "Oil"], ["", "", "A", "°C"]]
+    for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
+        sheet = book.create_sheet(f"Test {7 - k}")
+        sheet.append(["Time [s]", "Stroke [mm]", "Load [N]"])
+        for row in zip(*columns(run)[:3], strict=True):
+            sheet.append([float(value) for value in row])
+        lines.append([f"{k + 1}", sheet.title, f"{current}", "30"])
+    for line in lines:
+        book["Sheet"].append(line if listed else ["no list"])
+    book.save(folder / "day.xlsx")
+    if not listed:
+        write(folder, "list.csv", "".join(";".join(line) + "\n" for line in lines))
+
+
+def clocked(run: RigRun, head: str, part: Callable[[float], str]) -> str:
+    """Return a text with a channel table, a clock of whole seconds, and blanks after the signs."""
+    channels = "CH,Signal,Range,Span\nCH1,Stroke,10V,- 50,mm\nCH2,Load,5V,+ 5000,N\nCH3,Coil,1V,+ 5,A\nData\n"
+    rows = (
+        f"2026/03/12 10:21:{10 + int(t + 1e-9)},{part(t)}"
+        + ",".join(f"{'+-'[int(v < 0)]}   {abs(v):.6f}" for v in row)
+        for t, *row in zip(*columns(run), strict=True)
+    )
+    return channels + head + "\n".join(rows) + "\n"
+
+
 def blocks_on_a_sheet(folder: Path) -> None:
     from openpyxl import Workbook
 
@@ -405,37 +450,10 @@ WARM: dict[str, Callable[[Path], None]] = {
         ),
         "run{}.lvm",
     ),
-    "sheet_for_each_run": lambda folder: sheets(folder, listed=True),
+    "list_on_a_sheet": lambda folder: sheets(folder, listed=True),
     "list_of_sheets_in_a_file": lambda folder: sheets(folder, listed=False),
-    "list_of_folders": lambda folder: [
-        write(
-            folder,
-            "day/list.csv",
-            "Run,Coil (A),Oil (°C)\n" + "".join(f"Run {k},{i},30\n" for k, i in enumerate(CURRENTS)),
-        ),
-        *(
-            write(folder, f"day/Run {k}/daq.txt", BARE + table(*columns(run)[:3]))
-            for k, run in enumerate(RUNS)
-        ),
-    ],
-    "list_of_channel_files": lambda folder: [
-        write(
-            folder,
-            "list.csv",
-            "run;oil temperature [°C]\n" + "".join(f"D{k}_a;30\n" for k in range(len(RUNS))),
-        ),
-        *(
-            write(
-                folder,
-                f"D{k}_a_{name}.csv",
-                f"ts_ms;{name} [{unit}]\n" + table(1e3 * run.time, values, sign=";"),
-            )
-            for k, run in enumerate(RUNS)
-            for name, unit, values in zip(
-                ("pos", "load", "coil"), ("mm", "N", "A"), columns(run)[1:], strict=True
-            )
-        ),
-    ],
+    "list_of_folders": runs_in_folders,
+    "list_of_channel_files": listed_channel_files,
     "long_with_names_of_places": each(
         lambda run: (
             "timestamp_ms,tag,unit,value\n"
@@ -452,36 +470,6 @@ WARM: dict[str, Callable[[Path], None]] = {
         )
     ),
 }
-
-
-def sheets(folder: Path, *, listed: bool) -> None:
-    """Write a workbook with a sheet for each run, and the list of the runs on a sheet or in a file."""
-    from openpyxl import Workbook
-
-    book = Workbook()
-    rows = [["No.", "Table", "Coil", "Oil"], ["", "", "A", "°C"]]
-    for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
-        sheet = book.create_sheet(f"Test {7 - k}")
-        sheet.append(["Time [s]", "Stroke [mm]", "Load [N]"])
-        for row in zip(*columns(run)[:3], strict=True):
-            sheet.append([float(value) for value in row])
-        rows.append([f"{k + 1}", sheet.title, f"{current}", "30"])
-    for row in rows:
-        book["Sheet"].append(row if listed else ["no list"])
-    book.save(folder / "day.xlsx")
-    if not listed:
-        write(folder, "list.csv", "".join(";".join(row) + "\n" for row in rows))
-
-
-def clocked(run: RigRun, head: str, part: Callable[[float], str]) -> str:
-    """Return a text with a channel table, a clock of whole seconds, and blanks after the signs."""
-    channels = "CH,Signal,Range,Span\nCH1,Stroke,10V,- 50,mm\nCH2,Load,5V,+ 5000,N\nCH3,Coil,1V,+ 5,A\nData\n"
-    rows = (
-        f"2026/03/12 10:21:{10 + int(t + 1e-9)},{part(t)}"
-        + ",".join(f"{'+-'[int(v < 0)]}   {abs(v):.6f}" for v in row)
-        for t, *row in zip(*columns(run), strict=True)
-    )
-    return channels + head + "\n".join(rows) + "\n"
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
@@ -595,6 +583,22 @@ def test_archived_run_states_archive_and_file(tmp_path):
     (tmp_path / "day.zip").write_bytes((tmp_path / "day.zip").read_bytes()[:5000])
     with pytest.raises(InputError, match="damaged"):
         read_each(tmp_path)
+
+
+def test_question_names_sheet_and_path_in_archive(tmp_path):
+    """An answer may name the folder of a run because files in several folders have one name."""
+    sheets(tmp_path, listed=False)
+    with pytest.raises(AskingError, match=r"day\.xlsx, sheet 'Test 7': no current"):
+        read_runs(tmp_path / "day.xlsx")
+    with zipfile.ZipFile(tmp_path / "all.zip", "w") as file:
+        for k, run in enumerate(RUNS):
+            file.writestr(f"Run {k}/daq.txt", BARE + table(*columns(run)[:3]))
+    with pytest.raises(AskingError, match="no current") as fault:
+        read_runs(tmp_path / "all.zip")
+    places = [question.file for question in fault.value.questions]
+    assert places == [f"{tmp_path.parent.name}/{tmp_path.name}/all.zip/Run {k}/daq.txt" for k in range(3)]
+    answers = parse_answers([f"Run {k}/*:current.value={i} A" for k, i in enumerate(CURRENTS)])
+    assert_read(read_runs(tmp_path / "all.zip", answers=answers))
 
 
 def test_unrelated_files_are_listed(tmp_path):

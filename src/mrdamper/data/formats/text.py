@@ -222,10 +222,6 @@ def read_head(path: TextSource) -> Head:
         )
     if re.match(rb"\s*<(!doctype|html|\?xml)", content[:64], re.IGNORECASE):
         raise InputError(place=f"{path}", found="is a web page or XML", remedy="Download the file itself")
-    if b"\n" not in content and content.count(b"\r") > 1:
-        raise InputError(
-            place=f"{path}", found="lines end in CR alone, as on old Macs", remedy="Save it with such lines"
-        )
     end = rb"\n|(?<!\n)\Z" if len(content) < _HEAD_BYTES else rb"\n"  # The last line may have no line end.
     edges = [0, *(match.end() for match in re.finditer(end, content))][: SETTINGS.header_lines_max + 1]
     if edges == [0]:
@@ -236,7 +232,7 @@ def read_head(path: TextSource) -> Head:
     if content.startswith(b"\xef\xbb\xbf"):
         edges[0] = 3
     lines = tuple(content[a:b].decode(encoding).rstrip("\r\n") for a, b in itertools.pairwise(edges))
-    notes = ("read from UTF-16",) if wide else READ_AS.get(encoding, ())
+    notes = ("read from UTF-16, or from lines that end in CR",) if wide else READ_AS.get(encoding, ())
     return Head(lines, tuple(edges), notes, encoding)
 
 
