@@ -142,7 +142,11 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
     notes, header, above = layout.notes, found.header, [line for line in found.above if line.strip()]
     # The first block has the lines of its own, as the other blocks, below the lines about the file.
     count = len(above) - max((len(block.above) for block in long[1:]), default=len(above))
-    about_file = {*statements(above[: max(count, 0)], layout.delimiter)}
+    shared = above[: max(count, 0)]
+    about_file = {*statements(shared, layout.delimiter)}
+    # A command directly above the names, without a blank line, may belong to the first block alone.
+    is_near = bool(shared) and all(map(str.strip, found.above[found.above.index(shared[-1]) :]))
+    near = statements(shared[-1:], layout.delimiter) if is_near else ()
     stated: list[str] = []
     if trailer:
         notes += (f"{len(trailer)} line{'s' if len(trailer) > 1 else ''} of words below the rows",)
@@ -161,7 +165,8 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
             is_bare = not own.named and len(own.names) == len(header.names)
             header = replace(header, said=own.said) if is_bare else own
         rows = replace(layout, header_lines=block.first_line, notes=notes)
-        inherited = (line for line in stated if not _is_restated(line, header.said))
+        kept = [line for line in stated if line not in near or header.said or not labels_in(line, "current")]
+        inherited = (line for line in kept if not _is_restated(line, header.said))
         whole = replace(header, said=(*inherited, *header.said))
         tables.append(_table(path, replace(found, start=block.start, header=whole, layout=rows), block.stop))
     return tables
@@ -169,8 +174,7 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
 
 def _is_restated(line: str, own: Sequence[str]) -> bool:
     """Return True if the lines of a block state a quantity that a line about the file states, too."""
-    roles = [role for role in CONDITIONS if labels_in(line, role)]
-    return any(labels_in(each, role) for role in roles for each in own)
+    return any(labels_in(line, role) and labels_in(each, role) for role in CONDITIONS for each in own)
 
 
 def _look(path: TextSource, options: FileOptions) -> _Found | Table:

@@ -17,7 +17,7 @@ from mrdamper.data.finding import Finding
 from mrdamper.data.formats.excel import ZIP_SIGNATURE, sheet_lines
 from mrdamper.data.formats.lines.cells import is_number
 from mrdamper.data.formats.lines.encodings import encoding_of, open_text_bytes
-from mrdamper.data.formats.lines.header import DELIMITERS, holds_samples, split_line, with_unit
+from mrdamper.data.formats.lines.header import DELIMITERS, holds_samples, line_of, split_line, with_unit
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Table
 from mrdamper.data.formats.text import is_text
@@ -208,11 +208,12 @@ def _lines_by_file(
     names_a_file = bool(known.numbers) or any(name in text for name in known.names)
     if is_run and path.suffix.lower() != ".json" and not names_a_file:
         return {}  # Most runs name no other file.
-    if len(files) == 1 and not is_run and _SETTINGS.search(path.stem):
-        return {files[0]: [with_unit(line) for line in lines]}
     own = [file for file in files if file.stem == path.stem]
-    if (own and not is_run) or (own and path.suffix.lower() == ".json"):
-        return {own[0]: [with_unit(line) for line in lines]}
+    own = own if not is_run or path.suffix.lower() == ".json" else []
+    if len(files) == 1 and not is_run and _SETTINGS.search(path.stem):
+        own = [*files]
+    if own:
+        return {own[0]: [with_unit(line_of(re.split("[\t;]", line))) for line in lines]}
     found: dict[Path, list[str]] = {}
     now: tuple[Path, ...] = ()  # The following entries describe these files.
     header: list[str] = []
