@@ -113,7 +113,7 @@ def units_in_a_document(folder: Path) -> None:
 
 def one_table_of_all_runs(folder: Path) -> None:
     rows = [f"{k},{line}\n" for k, run in enumerate(RUNS) for line in long(run).splitlines()[1:]]
-    write(folder, "all.csv", "run,time_s,channel,value,unit\n" + "".join(rows))
+    write(folder, "all.csv", "run,timestamp_ms,tag,value,unit\n" + "".join(rows))
 
 
 def mat4(folder: Path) -> None:
@@ -123,15 +123,6 @@ def mat4(folder: Path) -> None:
         names = ("time_s", "rod_position_mm", "rod_force_N", "coil_A")
         values = (*columns(run)[:3], run.command[:1])
         savemat(folder / f"{k}.mat", dict(zip(names, values, strict=True)), format="4")
-
-
-def a_file_for_each_channel(folder: Path) -> None:
-    for k, run in enumerate(RUNS):
-        t, *values = columns(run)
-        for name, unit, value in zip(
-            ("displacement", "force", "current"), ("mm", "N", "A"), values, strict=True
-        ):
-            write(folder, f"run{k}_{name}.csv", f"time_s,{name}_{unit}\n" + table(t, value))
 
 
 def files_of_channels_named_by_current(folder: Path) -> None:
@@ -218,9 +209,9 @@ def blocks_on_a_sheet(folder: Path) -> None:
 
 
 def long(run: RigRun) -> str:
-    names = (("Displacement", "mm"), ("Force", "N"), ("Current", "A"))
-    return "time_s,channel,value,unit\n" + "".join(
-        f"{t:.6f},{name},{value:.6f},{unit}\n"
+    names = (("rod_position", "mm"), ("Force", "N"), ("coil", "A"))
+    return "timestamp_ms,tag,value,unit\n" + "".join(
+        f"{1e3 * t:.3f},{name},{value:.6f},{unit}\n"
         for t, *values in zip(*columns(run), strict=True)
         for (name, unit), value in zip(names, values, strict=True)
     )
@@ -258,8 +249,8 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
     ),
     "row_for_each_property": each(
         lambda run: (
-            '"TraceName","Stroke","Load","Coil"\n"VUnit","mm","N","A"\n"SampleRate",200.0,200.0,200.0\n'
-            '"HResolution",5.0E-03,5.0E-03,5.0E-03\n"HUnit","s","s","s"\n'
+            '"descriptor","Stroke, rod","Load","Coil"\n"VUnit","mm","N","A"\n"SampleRate",200.0,200.0,200.0\n'
+            '"HResolution",5.0E-03,5.0E-03,5.0E-03\n"HUnit","s","s","s"\n"values"\n'
             + "".join("," + line + "\n" for line in table(*columns(run)[1:]).splitlines())
         )
     ),
@@ -319,18 +310,9 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
             + table(*columns(run)[1:], sign=";")
         )
     ),
-    "files_of_channels": a_file_for_each_channel,
     "files_of_channels_named_by_current": files_of_channels_named_by_current,
     "folders_of_channels": a_folder_for_each_run,
     "files_of_one_column": files_without_time,
-    "channels_in_rows": each(
-        lambda run: "".join(
-            name + ";" + ";".join(f"{v:.6f}" for v in values) + "\n"
-            for name, values in zip(
-                ("Time [s]", "Displacement [mm]", "Force [N]", "Current [A]"), columns(run), strict=True
-            )
-        )
-    ),
     "blocks_on_a_sheet": blocks_on_a_sheet,
     "time_for_each": each(
         lambda run: (
@@ -379,8 +361,8 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
     ),
     "per_cent_of_a_range": each(
         lambda run: (
-            "Range displacement: 50 mm\nRange force: 5 kN\nRange current: 2 A\n"
-            "time [s];displacement [%];force [%];current [%]\n"
+            "Stroke: 100 % = 50 mm\nRange force: 5 kN\nCurrent: 100 % = 2 A\n"
+            "time [s];Stroke (%);force [%];current [%]\n"
             + table(run.time, 2e3 * run.displacement, run.force / 50, 50 * run.command, sign=";", form="%.9f")
         )
     ),
@@ -393,20 +375,6 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
     ),
     "coarse_clock_with_interval": each(
         lambda run: clocked(run, "Sampling interval,5ms\nDate,CH1,CH2,CH3\n,mm,N,A\n", lambda _: "")
-    ),
-    "label_before_the_properties": each(
-        lambda run: (
-            '"sample interval","5 ms"\n"variable","Stroke, rod","Load, cell","Coil"\n'
-            '"unit","mm","N","A"\n"values"\n'
-            + "".join("," + line + "\n" for line in table(*columns(run)[1:]).splitlines())
-        )
-    ),
-    "per_cent_with_its_range": each(
-        lambda run: (
-            f"Coil: {run.command[0]} A\nStroke: 100 % = 50 mm\nForce: 100 % = 5 kN\n"
-            "Time (s);Stroke (%);Force (%)\n"
-            + table(run.time, 2e3 * run.displacement, run.force / 50, sign=";", form="%.9f")
-        )
     ),
     "waves": each(
         lambda run: (
@@ -454,21 +422,6 @@ WARM: dict[str, Callable[[Path], None]] = {
     "list_of_sheets_in_a_file": lambda folder: sheets(folder, listed=False),
     "list_of_folders": runs_in_folders,
     "list_of_channel_files": listed_channel_files,
-    "long_with_names_of_places": each(
-        lambda run: (
-            "timestamp_ms,tag,unit,value\n"
-            + "".join(
-                f"{1e3 * t:.3f},{name},{unit},{value:.6f}\n"
-                for t, *values in zip(*columns(run), np.full(N, 30.0), strict=True)
-                for name, unit, value in zip(
-                    ("rod_position", "rod_force", "coil", "oil_temp"),
-                    ("mm", "N", "A", "°C"),
-                    values,
-                    strict=True,
-                )
-            )
-        )
-    ),
 }
 
 

@@ -168,14 +168,11 @@ def _read_all(
                 ]
                 read.append((path, read_file(path, chosen, answers, stated, notes)))
         except InputError as error:
-            if path.is_relative_to(space):
-                relocate(error, path.name, f"{_outside(path, space)}")
-            elif [each.name for each in files].count(path.name) > 1:
-                relocate(error, path.name, f"{path.parent.name}/{path.name}")
+            if path.is_relative_to(space) or [each.name for each in files].count(path.name) > 1:
+                relocate(error, path.name, f"{path}")
             unreadable.append(UnreadableFile(path, error))
-    joined, members = join_channel_files(
-        [item.path for item in unreadable], load_map(chosen), answers, documents
-    )
+    unread = [item.path for item in unreadable]
+    joined, members = join_channel_files(unread, load_map(chosen), answers, documents)
     warmed, logs = join_temperature_logs(
         [*read, *joined],
         [item.path for item in unreadable if item.path not in members],
@@ -194,7 +191,7 @@ def _read_all(
     if not read and len(ignored) == len(unreadable):  # The errors state why there is no run.
         ignored = []
     faulty = tuple(
-        replace(item, path=_outside(item.path, space)) for item in unreadable if item not in ignored
+        replace(each, path=_outside(each.path, space)) for each in unreadable if each not in ignored
     )
     stating_findings = (document.finding for document in documents if document.lines)
     folder_findings = (*stating_findings, *logs.values(), *map(_no_run_finding, ignored))

@@ -145,8 +145,8 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
     shared = above[: max(count, 0)]
     about_file = {*statements(shared, layout.delimiter)}
     # A command directly above the names, without a blank line, may belong to the first block alone.
-    is_near = bool(shared) and all(map(str.strip, found.above[found.above.index(shared[-1]) :]))
-    near = statements(shared[-1:], layout.delimiter) if is_near else ()
+    near = [line for line in statements(shared[-1:], layout.delimiter) if labels_in(line, "current")]
+    is_near = bool(near) and all(map(str.strip, found.above[found.above.index(shared[-1]) :]))
     stated: list[str] = []
     if trailer:
         notes += (f"{len(trailer)} line{'s' if len(trailer) > 1 else ''} of words below the rows",)
@@ -165,8 +165,8 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
             is_bare = not own.named and len(own.names) == len(header.names)
             header = replace(header, said=own.said) if is_bare else own
         rows = replace(layout, header_lines=block.first_line, notes=notes)
-        kept = [line for line in stated if line not in near or header.said or not labels_in(line, "current")]
-        inherited = (line for line in kept if not _is_restated(line, header.said))
+        own_lines = header.said or (near if is_near else ())
+        inherited = (line for line in stated if not _is_restated(line, own_lines))
         whole = replace(header, said=(*inherited, *header.said))
         tables.append(_table(path, replace(found, start=block.start, header=whole, layout=rows), block.stop))
     return tables

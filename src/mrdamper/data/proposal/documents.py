@@ -81,21 +81,22 @@ class _Files:
     def __init__(self, files: Sequence[Path], root: Path) -> None:
         owners: dict[str, dict[Path, list[Path]]] = {}
         for path in files:
-            above = [folder for folder in path.parents if root in folder.parents]
-            for name in {path.stem, path.name, strip_channel(path.stem)} - {""}:
-                owners.setdefault(name.lower(), {}).setdefault(path.parent, []).append(path)
-            for folder in above:
-                owners.setdefault(folder.name.lower(), {}).setdefault(folder, []).append(path)
+            names = dict.fromkeys((path.stem, path.name, strip_channel(path.stem)), path.parent)
+            names |= {folder.name: folder for folder in path.parents if root in folder.parents}
+            for name, owner in names.items():
+                owners.setdefault(name.lower(), {}).setdefault(owner, []).append(path)
+        owners.pop("", None)
         # Equal names in different folders are ambiguous.
         self.names = {name: tuple(*found.values()) for name, found in owners.items() if len(found) == 1}
         # The last number of each name of a run, or of each folder, if it is unique.
         self.numbers: dict[int, tuple[Path, ...]] = {}
-        for level in (0, 1):
+        for keys in (
+            [path.parent / strip_channel(path.stem) for path in files],
+            [path.parent for path in files],
+        ):
             groups: dict[Path, list[Path]] = {}
-            for path in files:
-                groups.setdefault([path.parent / strip_channel(path.stem), path.parent][level], []).append(
-                    path
-                )
+            for key, path in zip(keys, files, strict=True):
+                groups.setdefault(key, []).append(path)
             last = {group: re.findall(r"\d{1,9}", group.name) for group in groups}
             numbers = {int(found[-1]): tuple(groups[group]) for group, found in last.items() if found}
             if not self.numbers and len(numbers) == len(groups) > 1:

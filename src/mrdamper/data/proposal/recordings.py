@@ -123,11 +123,8 @@ def runs_in(
     if faults or not parts:
         error = ask_all(faults) if faults else InputError(place=file.name, found="no table holds a run")
         is_foreign = file.suffix.lower() not in format_suffixes() - GENERIC_SUFFIXES
-        if (
-            isinstance(error, AskingError)
-            and not parts
-            and not any(_may_be_run(each, is_foreign=is_foreign) for each in tables)
-        ):
+        may_be_run = bool(parts) or any(_may_be_run(each, is_foreign=is_foreign) for each in tables)
+        if isinstance(error, AskingError) and not may_be_run:
             raise NoRunError(faults=[error])
         raise error
     layout = tables[0].layout

@@ -73,13 +73,7 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
         if 2 <= len(kind) <= SETTINGS.table_columns_max
         and len({role for role in QUANTITIES if any(_means(name or "", role) for name in kind)}) > 1
     ]
-    times = [
-        name
-        for name in table.columns
-        if (parse_header(name) or ("",))[0] == "time"
-        or "time" in roles_of_unit(word_and_unit(name)[1])
-        or name in table.stamps
-    ]
+    times = [name for name in table.columns if _means(name, "time") or name in table.stamps]
     if len(named) != 1 or len(times) != 1:
         return (table,)
     values = [name for name in table.columns if name not in times and not _is_counter(table.columns[name])]
@@ -122,9 +116,13 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
 
 
 def _means(name: str, role: str) -> bool:
-    """Return True if a channel is named after a role, as ``Force`` or ``rod_force``."""
+    """Return True if a channel is named after a role, as ``Force`` or ``rod_force``, or has its unit."""
     header = parse_header(name)
-    return header[0] == role if header else speaks_of(name, role)
+    return (
+        header[0] == role
+        if header
+        else speaks_of(name, role) or role in roles_of_unit(word_and_unit(name)[1])
+    )
 
 
 def _is_counter(values: FloatArray) -> bool:
