@@ -73,7 +73,8 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
         if 2 <= len(kind) <= SETTINGS.table_columns_max
         and len({role for role in QUANTITIES if any(_means(name or "", role) for name in kind)}) > 1
     ]
-    times = [name for name in table.columns if _means(name, "time") or name in table.stamps]
+    of_time = {name for name in table.columns if "time" in roles_of_unit(word_and_unit(name)[1])}
+    times = [name for name in table.columns if _means(name, "time") or name in {*of_time, *table.stamps}]
     if len(named) != 1 or len(times) != 1:
         return (table,)
     values = [name for name in table.columns if name not in times and not _is_counter(table.columns[name])]
@@ -116,13 +117,9 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
 
 
 def _means(name: str, role: str) -> bool:
-    """Return True if a channel is named after a role, as ``Force`` or ``rod_force``, or has its unit."""
+    """Return True if a channel is named after a role, as ``Force`` or ``rod_force``."""
     header = parse_header(name)
-    return (
-        header[0] == role
-        if header
-        else speaks_of(name, role) or role in roles_of_unit(word_and_unit(name)[1])
-    )
+    return header[0] == role if header else speaks_of(name, role)
 
 
 def _is_counter(values: FloatArray) -> bool:
