@@ -657,7 +657,28 @@ def test_current_in_name_requires_unit(value, before, unit, after, sign):
 
 
 @pytest.mark.parametrize(
-    "text", ["rev2A", "damperA_000", "0-1.5A", "0 to 2 A", "1 A/V", "2Ah", "3Aug", "T20C", "5 mm"]
+    ("role", "text", "value"),
+    [
+        *(
+            ("current", f"COIL CURRENT  {number} A", 0.25)
+            for number in ("2.5D-01", "2.5E-1", ".25", "0.025e1")
+        ),
+        ("current", "Coil 2.5E+02 mA", 0.25),
+        ("current", "COIL 0.25 AMPS", 0.25),
+        *(
+            ("temperature", f"OIL TEMP 3.0D+01 {unit}", 303.15)
+            for unit in ("DEGC", "deg c", "°C", "c", "Celsius")
+        ),
+        ("temperature", "oil 86 degF", 303.15),
+    ],
+)
+def test_number_with_exponent_or_spelled_unit(role, text, value):
+    assert labels_in(text, role) == pytest.approx((value,))
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["x 5.0E -01 A", "rev2A", "damperA_000", "0-1.5A", "0 to 2 A", "1 A/V", "2Ah", "3Aug", "T20C", "5 mm"],
 )
 def test_unrelated_numbers_are_not_currents(text):
     assert labels_in(text, "current") == ()

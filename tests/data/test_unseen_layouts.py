@@ -113,24 +113,16 @@ def units_in_a_document(folder: Path) -> None:
 
 def one_table_of_all_runs(folder: Path) -> None:
     rows = [f"{k},{line}\n" for k, run in enumerate(RUNS) for line in long(run).splitlines()[1:]]
-    write(folder, "all.csv", "run,time_s,channel,value,unit\n" + "".join(rows))
+    write(folder, "all.csv", "run,timestamp_ms,tag,value,unit\n" + "".join(rows))
 
 
 def mat4(folder: Path) -> None:
     from scipy.io import savemat
 
     for k, run in enumerate(RUNS):
-        names = FULL.strip().split(",")
-        savemat(folder / f"{k}.mat", dict(zip(names, columns(run), strict=True)), format="4")
-
-
-def a_file_for_each_channel(folder: Path) -> None:
-    for k, run in enumerate(RUNS):
-        t, *values = columns(run)
-        for name, unit, value in zip(
-            ("displacement", "force", "current"), ("mm", "N", "A"), values, strict=True
-        ):
-            write(folder, f"run{k}_{name}.csv", f"time_s,{name}_{unit}\n" + table(t, value))
+        names = ("time_s", "rod_position_mm", "rod_force_N", "coil_A")
+        values = (*columns(run)[:3], run.command[:1])
+        savemat(folder / f"{k}.mat", dict(zip(names, values, strict=True)), format="4")
 
 
 def files_of_channels_named_by_current(folder: Path) -> None:
@@ -157,6 +149,51 @@ def files_without_time(folder: Path) -> None:
             write(folder, f"{k}_{head.split()[0]}.txt", text)
 
 
+def runs_in_folders(folder: Path) -> None:
+    lines = (f"Run {k},{current},30\n" for k, current in enumerate(CURRENTS))
+    write(folder, "day/list.csv", "Run,Coil (A),Oil (°C)\n" + "".join(lines))
+    for k, run in enumerate(RUNS):
+        write(folder, f"day/Run {k}/daq.txt", BARE + table(*columns(run)[:3]))
+
+
+def listed_channel_files(folder: Path) -> None:
+    write(folder, "list.csv", "run;oil [°C]\n" + "".join(f"D{k}_a;30\n" for k in range(len(RUNS))))
+    for k, run in enumerate(RUNS):
+        for head, values in zip(("pos [mm]", "load [N]", "coil [A]"), columns(run)[1:], strict=True):
+            text = f"ts_ms;{head}\n" + table(1e3 * run.time, values, sign=";")
+            write(folder, f"D{k}_a_{head.split()[0]}.csv", text)
+
+
+def sheets(folder: Path, *, listed: bool) -> None:
+    """Write a workbook with a sheet for each run, and the list of the runs on a sheet or in a file."""
+    from openpyxl import Workbook
+
+    book = Workbook()
+    lines = [["No.", "Table", "Coil", "Oil"], ["", "", "A", "°C"]]
+    for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
+        sheet = book.create_sheet(f"Test {7 - k}")
+        sheet.append(["Time [s]", "Stroke [mm]", "Load [N]"])
+        for row in zip(*columns(run)[:3], strict=True):
+            sheet.append([float(value) for value in row])
+        lines.append([f"{k + 1}", sheet.title, f"{current}", "30"])
+    for line in lines:
+        book["Sheet"].append(line if listed else ["no list"])
+    book.save(folder / "day.xlsx")
+    if not listed:
+        write(folder, "list.csv", "".join(";".join(line) + "\n" for line in lines))
+
+
+def clocked(run: RigRun, head: str, part: Callable[[float], str]) -> str:
+    """Return a text with a channel table, a clock of whole seconds, and blanks after the signs."""
+    channels = "CH,Signal,Range,Span\nCH1,Stroke,10V,- 50,mm\nCH2,Load,5V,+ 5000,N\nCH3,Coil,1V,+ 5,A\nData\n"
+    rows = (
+        f"2026/03/12 10:21:{10 + int(t + 1e-9)},{part(t)}"
+        + ",".join(f"{'+-'[int(v < 0)]}   {abs(v):.6f}" for v in row)
+        for t, *row in zip(*columns(run), strict=True)
+    )
+    return channels + head + "\n".join(rows) + "\n"
+
+
 def blocks_on_a_sheet(folder: Path) -> None:
     from openpyxl import Workbook
 
@@ -172,9 +209,9 @@ def blocks_on_a_sheet(folder: Path) -> None:
 
 
 def long(run: RigRun) -> str:
-    names = (("Displacement", "mm"), ("Force", "N"), ("Current", "A"))
-    return "time_s,channel,value,unit\n" + "".join(
-        f"{t:.6f},{name},{value:.6f},{unit}\n"
+    names = (("rod_position", "mm"), ("Force", "N"), ("coil", "A"))
+    return "timestamp_ms,tag,value,unit\n" + "".join(
+        f"{1e3 * t:.3f},{name},{value:.6f},{unit}\n"
         for t, *values in zip(*columns(run), strict=True)
         for (name, unit), value in zip(names, values, strict=True)
     )
@@ -212,8 +249,8 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
     ),
     "row_for_each_property": each(
         lambda run: (
-            '"TraceName","Stroke","Load","Coil"\n"VUnit","mm","N","A"\n"SampleRate",200.0,200.0,200.0\n'
-            '"HResolution",5.0E-03,5.0E-03,5.0E-03\n"HUnit","s","s","s"\n'
+            '"descriptor","Stroke, rod","Load","Coil"\n"VUnit","mm","N","A"\n"SampleRate",200.0,200.0,200.0\n'
+            '"HResolution",5.0E-03,5.0E-03,5.0E-03\n"HUnit","s","s","s"\n"values"\n'
             + "".join("," + line + "\n" for line in table(*columns(run)[1:]).splitlines())
         )
     ),
@@ -273,18 +310,9 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
             + table(*columns(run)[1:], sign=";")
         )
     ),
-    "files_of_channels": a_file_for_each_channel,
     "files_of_channels_named_by_current": files_of_channels_named_by_current,
     "folders_of_channels": a_folder_for_each_run,
     "files_of_one_column": files_without_time,
-    "channels_in_rows": each(
-        lambda run: "".join(
-            name + ";" + ";".join(f"{v:.6f}" for v in values) + "\n"
-            for name, values in zip(
-                ("Time [s]", "Displacement [mm]", "Force [N]", "Current [A]"), columns(run), strict=True
-            )
-        )
-    ),
     "blocks_on_a_sheet": blocks_on_a_sheet,
     "time_for_each": each(
         lambda run: (
@@ -333,8 +361,8 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
     ),
     "per_cent_of_a_range": each(
         lambda run: (
-            "Range displacement: 50 mm\nRange force: 5 kN\nRange current: 2 A\n"
-            "time [s];displacement [%];force [%];current [%]\n"
+            "Stroke: 100 % = 50 mm\nRange force: 5 kN\nCurrent: 100 % = 2 A\n"
+            "time [s];Stroke (%);force [%];current [%]\n"
             + table(run.time, 2e3 * run.displacement, run.force / 50, 50 * run.command, sign=";", form="%.9f")
         )
     ),
@@ -342,6 +370,58 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
         lambda run: FULL + table(*columns(run)) + table(*(values[-1:] for values in columns(run)))
     ),
     "bystanders": bystanders,
+    "signs_apart_with_milliseconds": each(
+        lambda run: clocked(run, "Date,ms,CH1,CH2,CH3\n,,mm,N,A\n", lambda t: f"{round(1e3 * t) % 1000},")
+    ),
+    "coarse_clock_with_interval": each(
+        lambda run: clocked(run, "Sampling interval,5ms\nDate,CH1,CH2,CH3\n,mm,N,A\n", lambda _: "")
+    ),
+    "waves": each(
+        lambda run: (
+            "IGOR\nWAVES/D\tpos0\tload0\nBEGIN\n"
+            + "".join("\t" + line + "\n" for line in table(*columns(run)[1:3], sign="\t").splitlines())
+            + 'END\nX SetScale/P x 0,5,"ms", pos0; SetScale y 0,0,"mm", pos0\n'
+            + f'X SetScale y 0,0,"N", load0\nX Note pos0, "Coil {run.command[0]:.3E} A"\n'
+        ),
+        "run{}.itx",
+    ),
+}
+WARM: dict[str, Callable[[Path], None]] = {
+    "row_of_name_unit_and_value": each(
+        lambda run: (
+            f"Oil temp;°C;30\nA;{run.command[0]:g};Coil current\n"
+            + "".join(
+                ";".join([*names, *(f"{v:.6f}" for v in values)]) + "\n"
+                for names, *values in zip(
+                    (("Time", "s"), ("Stroke", "mm"), ("Load", "N")),
+                    *zip(*columns(run)[:3], strict=True),
+                    strict=True,
+                )
+            )
+        )
+    ),
+    "temperature_above_blocks": lambda folder: write(
+        folder,
+        "day.txt",
+        "# Sine 5 mm, oil 30 degC\n"
+        + "\n\n".join(
+            f"# I = {run.command[0]:.2E} A\n# t/s  x/mm  F/N\n{table(*columns(run)[:3], sign=' ')}"
+            for run in RUNS
+        ),
+    ),
+    "description_of_labview": each(
+        lambda run: (
+            "LabVIEW Measurement\t\nSeparator\tTab\nDescription\tcoil 4, oil 30 degC\n***End_of_Header***\t\n"
+            f"Channels\t2\nCoil current\tA\t{run.command[0]:g}\nY_Unit_Label\tmm\tN\nDelta_X\t0.005\t0.005\n"
+            "***End_of_Header***\nX_Value\tStroke\tLoad\n"
+            + "".join("\t" + line + "\n" for line in table(*columns(run)[1:3], sign="\t").splitlines())
+        ),
+        "run{}.lvm",
+    ),
+    "list_on_a_sheet": lambda folder: sheets(folder, listed=True),
+    "list_of_sheets_in_a_file": lambda folder: sheets(folder, listed=False),
+    "list_of_folders": runs_in_folders,
+    "list_of_channel_files": listed_channel_files,
 }
 
 
@@ -349,6 +429,12 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
 def test_further_laboratory_layout_is_read(tmp_path, layout):
     LAYOUTS[layout](tmp_path)
     assert_read(read_runs(tmp_path))
+
+
+@pytest.mark.parametrize("layout", WARM)
+def test_stated_temperature_is_read(tmp_path, layout):
+    WARM[layout](tmp_path)
+    assert_read(read_runs(tmp_path), warm=303.15)
 
 
 def test_settings_file_supplies_current_of_run(tmp_path):
@@ -374,10 +460,46 @@ def test_ambiguous_sentence_states_no_current(tmp_path, text):
         read_runs(tmp_path)
 
 
-def test_contradictory_run_list_leads_to_question(tmp_path):
-    write(tmp_path, "run_0.5A.csv", BARE + table(*columns(RUNS[0])[:3]))
-    write(tmp_path, "list.md", "| File | Current (A) |\n|---|---|\n| run_0.5A.csv | 1.5 |\n")
-    with pytest.raises(AskingError, match=r"0\.5 A and 1\.5 A"):
+LISTS = {"list.md": "| File | Current (A) |\n|---|---|\n| {} | 1.5 |\n", "plan.txt": "{}: coil 500 mA\n"}
+
+
+@pytest.mark.parametrize(("name", "lists"), [("run_0.5A.csv", ["list.md"]), ("run_1.csv", [*LISTS])])
+def test_contradictory_statements_require_an_answer(tmp_path, name, lists):
+    """The question has the sources and the values of all statements."""
+    write(tmp_path, name, BARE + table(*columns(RUNS[0])[:3]))
+    for each_list in lists:
+        write(tmp_path, each_list, LISTS[each_list].format(name))
+    with pytest.raises(AskingError, match=r"document 'list\.md' .* says 1\.5 A") as fault:
+        read_runs(tmp_path)
+    assert {*fault.value.questions[0].candidates} == {"0.5 A", "1.5 A"}
+    assert len(lists) == 1 or "document 'plan.txt'" in str(fault.value)
+
+
+@pytest.mark.parametrize("name", ["RUN.OUT", "run.log", "run.json"])
+def test_motion_and_force_without_current_is_a_question(tmp_path, name):
+    """A file with any suffix is a run if it has a motion and a force. Only other files are left out."""
+    full(tmp_path)
+    write(
+        tmp_path,
+        "pump.DTA",
+        "Pt Time (s) Pressure (bar)\n" + table(*np.ones((3, 1)) * np.arange(60), sign=" "),
+    )
+    t, x, f, _ = columns(RUNS[1])
+    as_json = json.dumps({"time_s": [*t], "displacement_mm": [*x], "force_N": [*f]})
+    write(tmp_path, name, as_json if "json" in name else "millis,stroke_mm,load_N\n" + table(1e3 * t, x, f))
+    with pytest.raises(AskingError, match="no current or voltage") as fault:
+        read_runs(tmp_path)
+    assert [question.file for question in fault.value.questions] == [name]
+
+
+def test_folder_without_runs_states_a_reason(tmp_path):
+    write(
+        tmp_path,
+        "pump.DTA",
+        "Pt Time (s) Pressure (bar)\n" + table(*np.ones((3, 1)) * np.arange(60), sign=" "),
+    )
+    write(tmp_path, "list.csv", "file,current [A]\npump.DTA,1.5\n")
+    with pytest.raises(InputError, match=r"pump\.DTA: no displacement column"):
         read_runs(tmp_path)
 
 
@@ -414,6 +536,22 @@ def test_source_of_archived_run_names_archive(tmp_path):
     (tmp_path / "day.zip").write_bytes((tmp_path / "day.zip").read_bytes()[:5000])
     with pytest.raises(InputError, match="damaged"):
         read_each(tmp_path)
+
+
+def test_question_names_sheet_and_path_in_archive(tmp_path):
+    """An answer may name the folder of a run because files in several folders have one name."""
+    sheets(tmp_path, listed=False)
+    with pytest.raises(AskingError, match=r"day\.xlsx, sheet 'Test 7': no current"):
+        read_runs(tmp_path / "day.xlsx")
+    with zipfile.ZipFile(tmp_path / "all.zip", "w") as file:
+        for k, run in enumerate(RUNS):
+            file.writestr(f"Run {k}/daq.txt", BARE + table(*columns(run)[:3]))
+    with pytest.raises(AskingError, match="no current") as fault:
+        read_runs(tmp_path / "all.zip")
+    places = [question.file for question in fault.value.questions]
+    assert places == [f"{tmp_path.parent.name}/{tmp_path.name}/all.zip/Run {k}/daq.txt" for k in range(3)]
+    answers = parse_answers([f"Run {k}/*:current.value={i} A" for k, i in enumerate(CURRENTS)])
+    assert_read(read_runs(tmp_path / "all.zip", answers=answers))
 
 
 def test_unrelated_files_are_listed(tmp_path):

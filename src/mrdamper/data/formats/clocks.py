@@ -36,7 +36,7 @@ _START = re.compile(
 )
 _OFFSET = re.compile(r"(wf start|start|time|t) offset")
 _UNITS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "hz": 1.0, "khz": 1e3}
-_NUMBER = re.compile(r"\s*([-+]?\d+(?:\.\d*)?(?:e[-+]?\d+)?)\s*([a-zµ]*)\s*", re.IGNORECASE)
+_NUMBER = re.compile(r"\s*([-+]?\d+(?:\.\d*)?(?:[ed][-+]?\d+)?)\s*([a-zµ]*)\s*", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +185,7 @@ def _number(value: object, unit: str) -> tuple[float, float | None]:
     match = _NUMBER.fullmatch(f"{as_text(value)}")
     if match is None:
         return math.nan, None
-    return float(match[1]), _UNITS.get(match[2].lower() or unit)
+    return float(re.sub("[dD]", "e", match[1])), _UNITS.get(match[2].lower() or unit)
 
 
 def _moment(value: object, unit: str) -> Moment | None:

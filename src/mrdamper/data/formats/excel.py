@@ -38,13 +38,16 @@ def read_workbook(path: Path, options: FileOptions) -> Table:
             place=path, found=f"no sheet {options.part!r}; the sheets are: {', '.join(map(repr, names))}"
         )
     found = []
+    sheets: dict[str, list[str]] = {}
     for name in [options.part] if options.part else names:
         rows = book.get_sheet_by_name(name).iter_rows()
         above = list(islice(rows, SETTINGS.header_lines_max))
-        lines = ["\t".join(map(_spelled, row)) for row in above]
+        sheets[name] = lines = ["\t".join(map(_spelled, row)) for row in above]
         if find_data(lines, "\t")[1] is not None:
             found.append((name, lines, chain(above, rows)))
-    found = [each for each in found if holds_samples(each[1], "\t")] or found
+    # A list of runs names several of the other sheets.
+    listing = {name for name in sheets if len(_cells(sheets[name]) & ({*names} - {name})) > 1}
+    found = [each for each in found if each[0] not in listing and holds_samples(each[1], "\t")] or found
     if not found:
         raise NoTableError(
             place=path,
@@ -52,7 +55,13 @@ def read_workbook(path: Path, options: FileOptions) -> Table:
             expected="one",
         )
     name, lines, every = found[0]
-    return replace(_table(path, name, list(every), options), more=tuple(name for name, *_ in found[1:]))
+    lists = {other: above for other, above in sheets.items() if other not in {each[0] for each in found}}
+    more = tuple(other for other, *_ in found[1:])
+    return replace(_table(path, name, list(every), options), more=more, lists=lists)
+
+
+def _cells(lines: Sequence[str]) -> set[str]:
+    return {cell.strip() for line in lines for cell in line.split("\t")}
 
 
 def sheet_lines(path: Path) -> list[str]:

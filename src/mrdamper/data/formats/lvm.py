@@ -17,7 +17,7 @@ import numpy as np
 
 from mrdamper.data.formats.clocks import Sampling, stated_sampling, with_samplings, with_times
 from mrdamper.data.formats.lines.encodings import open_text_bytes
-from mrdamper.data.formats.lines.header import split_line
+from mrdamper.data.formats.lines.header import split_line, statements
 from mrdamper.data.formats.table import FileOptions, Layout, Table
 from mrdamper.data.formats.text import parse_rows, read_head
 from mrdamper.data.formats.timestamps import moment_of
@@ -30,6 +30,7 @@ _END = re.compile(rb"(?m)^\*\*\*End_of_Header\*\*\*.*\n?")
 _SEGMENT = re.compile(rb"(?ms)^((?:Notes|Channels)[\t,].*?)^\*\*\*End_of_Header\*\*\*[^\n]*\n([^\n]*)\n?")
 _SEPARATORS = {"tab": "\t", "comma": ","}
 _X = "X_Value"
+_OF_SAMPLES = re.compile(r"(X0|Delta_X|X_Dimension|Y_Unit_Label|Date|Time|Samples|Channels|.*_Version)\b")
 
 Tags = Mapping[str, list[str]]
 
@@ -69,7 +70,9 @@ def read_lvm(path: Path, _options: FileOptions) -> Table:
         layout = Layout("LabVIEW measurement text", delimiter, decimal, above, notes=head.notes)
         tags = {**file_tags, **_tags_of(each[1], head.encoding)}
         table = _with_clock(parse_rows(path, each.end(), names, layout, stop), tags)
-        tables.append((table, _sampling(tags, 0)))
+        lines = ["\t".join([name, *cells]) for name, cells in tags.items()]
+        said = statements([line for line in lines if not _OF_SAMPLES.match(line)], "\t")
+        tables.append((replace(table, said=said), _sampling(tags, 0)))
     filled = [pair for pair in tables if pair[0].rows] or tables[:1]
     begun = filled[0][1]
     found_tables = [table if len(filled) == 1 else _with_time(table, own, begun) for table, own in filled]

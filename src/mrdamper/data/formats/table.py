@@ -131,6 +131,8 @@ class Table:
     scales: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     more: tuple[str, ...] = ()  # Further parts of the file with tables, as values for ``FileOptions.part``.
     following: tuple[Table, ...] = ()  # Further tables of the same part.
+    # Lines of the sheets that are not samples, such as a list of runs.
+    lists: Mapping[str, Sequence[str]] = field(default_factory=lambda: MappingProxyType({}))
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,11 +36,15 @@ from mrdamper.data.formats.lines.header import (
     read_header,
     refuse_two_commas,
     split_line,
+    statements,
 )
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import FileOptions, Layout, NoTableError, Table, Texts, distinct_names
 from mrdamper.data.formats.timestamps import Timestamps
+from mrdamper.data.words.headers import word_and_unit
+from mrdamper.data.words.labels import CONDITIONS, labels_in
 from mrdamper.errors import InputError
+from mrdamper.quantities import spell_unit
 
 _COUNT = re.compile(r"sample count\s*[:=]\s*(\d+)", re.IGNORECASE)
 _HEAD_BYTES = 1 << 20
@@ -69,6 +73,7 @@ class _Found:
     start: int  # byte
     header: Header
     layout: Layout
+    above: tuple[str, ...] = ()  # The lines above the rows.
     encoding: str = UTF8
 
 
@@ -80,7 +85,9 @@ def read_text(path: TextSource, options: FileOptions) -> Table:
     fault: InputError | None = None
     if _content(path).find(b"\n#", found.start) < 0:  # There are comments among the rows.
         try:
-            return _table(path, found)
+            table = _table(path, found)
+            if not all(np.isnan(values[-1]) for values in table.columns.values()):  # The last row has words.
+                return table
         except InputError as error:  # An invalid cell may belong to a line of words.
             fault = error
     tables = _tables_of_blocks(path, found)
@@ -132,13 +139,25 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
     long = [block for block in blocks if block.rows >= SETTINGS.table_rows_min]
     if not long or (len(blocks) == 1 and not trailer):
         return None
-    notes = layout.notes
+    notes, header, above = layout.notes, found.header, [line for line in found.above if line.strip()]
+    # The first block has the lines of its own, as the other blocks, below the lines about the file.
+    count = len(above) - max((len(block.above) for block in long[1:]), default=len(above))
+    shared = above[: max(count, 0)]
+    about_file = {*statements(shared, layout.delimiter)}
+    # A command directly above the names, without a blank line, may belong to the first block alone.
+    near = [line for line in statements(shared[-1:], layout.delimiter) if labels_in(line, "current")]
+    is_near = bool(near) and all(map(str.strip, found.above[found.above.index(shared[-1]) :]))
+    stated: list[str] = []
     if trailer:
-        notes += (f"{trailer} line{'s' if trailer > 1 else ''} of words below the rows",)
+        notes += (f"{len(trailer)} line{'s' if len(trailer) > 1 else ''} of words below the rows",)
+        if len(blocks) == 1:
+            lines = (*trailer, "", *found.above, long[0].first_row)
+            header = read_header(lines, len(lines) - 1, layout.delimiter)
     if len(long) > 1:
         notes += (f"{len(long)} blocks of rows",)
+        stated = [line for line in header.said if line in about_file]
+        header = replace(header, said=tuple(line for line in header.said if line not in about_file))
     tables: list[Table] = []
-    header = found.header
     for block in long:
         if block.above:
             lines = (*block.above, block.first_row)
@@ -146,8 +165,16 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
             is_bare = not own.named and len(own.names) == len(header.names)
             header = replace(header, said=own.said) if is_bare else own
         rows = replace(layout, header_lines=block.first_line, notes=notes)
-        tables.append(_table(path, replace(found, start=block.start, header=header, layout=rows), block.stop))
+        own_lines = header.said or (near if is_near else ())
+        inherited = (line for line in stated if not _is_restated(line, own_lines))
+        whole = replace(header, said=(*inherited, *header.said))
+        tables.append(_table(path, replace(found, start=block.start, header=whole, layout=rows), block.stop))
     return tables
+
+
+def _is_restated(line: str, own: Sequence[str]) -> bool:
+    """Return True if the lines of a block state a quantity that a line about the file states, too."""
+    return any(labels_in(line, role) and labels_in(each, role) for role in CONDITIONS for each in own)
 
 
 def _look(path: TextSource, options: FileOptions) -> _Found | Table:
@@ -170,7 +197,7 @@ def _look(path: TextSource, options: FileOptions) -> _Found | Table:
     refuse_two_commas(path, head.lines, first, delimiter)
     decimal = options.decimal or find_decimal(path, head.lines[first:], delimiter)
     layout = Layout("delimited text", delimiter, decimal, first, notes=head.notes)
-    return _Found(head.starts[first], header, layout, head.encoding)
+    return _Found(head.starts[first], header, layout, head.lines[:first], head.encoding)
 
 
 def _transposed(path: TextSource, head: Head, options: FileOptions) -> Table | None:
@@ -183,7 +210,7 @@ def _transposed(path: TextSource, head: Head, options: FileOptions) -> Table | N
     long = [row for row in rows if len(row) > max(SETTINGS.table_columns_max, len(rows))]
     if len(long) < 2 or any(is_number(row[0]) or not is_number(row[-1]) for row in long):
         return None
-    above = [" ".join(row) for row in rows if row not in long]
+    above = ["\t".join(row) for row in rows if row not in long]
     turned = [*above, "", *("\t".join(cells) for cells in zip_longest(*long, fillvalue=""))]
     source = TextInMemory(f"{path}", "\n".join([*turned, ""]).encode())
     table = read_text(source, FileOptions(delimiter="\t", decimal=options.decimal))
@@ -199,10 +226,6 @@ def read_head(path: TextSource) -> Head:
         )
     if re.match(rb"\s*<(!doctype|html|\?xml)", content[:64], re.IGNORECASE):
         raise InputError(place=f"{path}", found="is a web page or XML", remedy="Download the file itself")
-    if b"\n" not in content and content.count(b"\r") > 1:
-        raise InputError(
-            place=f"{path}", found="lines end in CR alone, as on old Macs", remedy="Save it with such lines"
-        )
     end = rb"\n|(?<!\n)\Z" if len(content) < _HEAD_BYTES else rb"\n"  # The last line may have no line end.
     edges = [0, *(match.end() for match in re.finditer(end, content))][: SETTINGS.header_lines_max + 1]
     if edges == [0]:
@@ -213,7 +236,7 @@ def read_head(path: TextSource) -> Head:
     if content.startswith(b"\xef\xbb\xbf"):
         edges[0] = 3
     lines = tuple(content[a:b].decode(encoding).rstrip("\r\n") for a, b in itertools.pairwise(edges))
-    notes = ("read from UTF-16",) if wide else READ_AS.get(encoding, ())
+    notes = ("read from UTF-16, or from lines that end in CR",) if wide else READ_AS.get(encoding, ())
     return Head(lines, tuple(edges), notes, encoding)
 
 
@@ -236,8 +259,10 @@ def parse_rows(
             numbers[title] = np.concatenate([np.empty(0), *pieces])
         else:
             words[title] = [cell for columns in blocks for cell in columns[k]]
+    for k in stamps:
+        _add_milliseconds(numbers, order[k], order[k + 1 : k + 2])
     return Table(
-        names=tuple(order),
+        names=tuple(name for name in order if name in numbers or name in words),
         columns=numbers,
         texts=words,
         layout=layout,
@@ -245,6 +270,17 @@ def parse_rows(
         units={order[k]: "s" for k in stamps},
         stamps={order[k]: reader.first for k, reader in stamps.items() if reader.first},
     )
+
+
+def _add_milliseconds(numbers: dict[str, FloatArray], clock: str, beside: Sequence[str]) -> None:
+    """Add a column of milliseconds to the clock of whole seconds before it."""
+    for name in beside if clock in numbers else ():
+        part = numbers.get(name, np.empty(0))
+        falls, steps = np.diff(part) < 0.0, np.diff(numbers[clock])
+        is_part = len(part) and np.all((part >= 0.0) & (part < 1000.0)) and falls.any()
+        is_whole = not (numbers[clock] % 1.0).any() and np.all(steps[falls] > 0.0)
+        if is_part and is_whole and spell_unit(word_and_unit(name)[1], "time") == "ms":
+            numbers[clock] = numbers[clock] + 1e-3 * (numbers.pop(name) - part[0])
 
 
 def _column_blocks(

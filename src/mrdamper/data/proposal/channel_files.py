@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -16,10 +15,11 @@ from mrdamper.data.formats.clocks import with_times
 from mrdamper.data.formats.table import Table
 from mrdamper.data.proposal.clocks import sampling_step
 from mrdamper.data.proposal.column import header_of
+from mrdamper.data.proposal.documents import Document
 from mrdamper.data.proposal.questions import Answer, with_answers
 from mrdamper.data.proposal.recordings import RigFile, runs_in
 from mrdamper.data.tables import read_tables
-from mrdamper.data.words.headers import parse_header
+from mrdamper.data.words.headers import strip_channel
 from mrdamper.errors import InputError
 from mrdamper.quantities import to_si
 
@@ -27,7 +27,7 @@ _NEEDED = frozenset({"displacement", "force"})
 
 
 def join_channel_files(
-    files: Sequence[Path], chosen: ChannelMap, answers: Sequence[Answer]
+    files: Sequence[Path], chosen: ChannelMap, answers: Sequence[Answer], documents: Sequence[Document] = ()
 ) -> tuple[list[tuple[Path, RigFile]], set[Path]]:
     """Return the runs that are stored as one file per channel, and the files of these runs.
 
@@ -38,7 +38,7 @@ def join_channel_files(
         with suppress(InputError, ValueError, IndexError):
             (table,) = read_tables(path, chosen.file)
             role, name, times = _channel_of(table, chosen, path)
-            for key in ((path.parent, _strip_channel(path.stem)), (path.parent, "")):
+            for key in ((path.parent, strip_channel(path.stem)), (path.parent, "")):
                 group = groups.setdefault(key, {})
                 again = "" if group.get(role, (path,))[0] == path else " again"
                 group[f"{role}{again}"] = (path, table, name, times)
@@ -50,11 +50,12 @@ def join_channel_files(
             name = rest or folder.name
             place = folder / name
             table = _join_channels([(table, column, times) for _, table, column, times in group.values()])
+            own = {path for path, *_ in group.values()}
+            stated = {each: None for document in documents for path in own for each in document.places(path)}
             with suppress(InputError):
-                joined.append(
-                    (place, runs_in((table,), with_answers(chosen, answers, name), place, name=name))
-                )
-                members |= {path for path, *_ in group.values()}
+                chosen_now = with_answers(chosen, answers, place)
+                joined.append((place, runs_in((table,), chosen_now, place, name=name, stated=[*stated])))
+                members |= own
     return joined, members
 
 
@@ -68,12 +69,6 @@ def _channel_of(table: Table, chosen: ChannelMap, path: Path) -> tuple[str, str,
     else:
         own = np.arange(table.rows, dtype=np.float64) * sampling_step(table, chosen, path.name)
     return channel.of_unit[0], channel.name, own
-
-
-def _strip_channel(stem: str) -> str:
-    """Return a name without its channel words."""
-    words = re.split(r"(?:[^\w.,]|_|(?<!\d)[.,]|[.,](?!\d))+", stem)  # "0.5A" is one word.
-    return "_".join(word for word in words if word and parse_header(word) is None)
 
 
 def _join_channels(parts: Sequence[tuple[Table, str, FloatArray]]) -> Table:

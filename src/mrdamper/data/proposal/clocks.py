@@ -189,16 +189,30 @@ def with_clocks(table: Table) -> Table:
     return replace(table, columns=columns, clocks=clocks)
 
 
-def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
-    """Return the sampling interval [s] of a file without a time column, from the map or the file."""
-    step = table.step_s if chosen.rate_Hz is None else 1.0 / chosen.rate_Hz
-    rates = (_rates_of(table) or rates_in([Path(place).stem.replace("_", " ")])) if step is None else ()
-    if step is None and len(rates) == 1:
-        step = 1.0 / rates[0]
+def stated_step(table: Table, chosen: ChannelMap, place: str) -> tuple[float | None, tuple[float, ...]]:
+    """Return the sampling interval [s] from the map or the file, and the rates [Hz] if they differ."""
+    if chosen.rate_Hz is not None or table.step_s is not None:
+        return (table.step_s if chosen.rate_Hz is None else 1.0 / chosen.rate_Hz), ()
+    rates = _rates_of(table) or rates_in([Path(place).stem.replace("_", " ")])
+    if rates:
+        return (1.0 / rates[0] if len(rates) == 1 else None), rates
     entries = [re.split(r"\s*[:=]\s*", line, maxsplit=1) for line in table.said]
     stated = stated_sampling({entry[0]: entry[1] for entry in entries if len(entry) == 2})
-    if step is None and not rates and stated is not None and stated.is_plausible:
-        step = stated.step_s
+    return (stated.step_s if stated is not None and stated.is_plausible else None), ()
+
+
+def is_coarse_clock(table: Table, name: str, chosen: ChannelMap, place: str) -> bool:
+    """Return True if times of day repeat, and the stated sampling interval gives the same duration."""
+    times = table.columns[name]
+    step, _ = stated_step(table, chosen, place)
+    if step is None or not (np.diff(times) == 0.0).any():
+        return False
+    return abs(float(times[-1] - times[0]) - step * (len(times) - 1)) <= float(np.diff(times).max())
+
+
+def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
+    """Return the sampling interval [s] of a file without a time column, from the map or the file."""
+    step, rates = stated_step(table, chosen, place)
     if step is None:
         require_no_text("time", table, place)
         meant = meant_without_unit("time", [header_of(table, name, place) for name in table.columns])

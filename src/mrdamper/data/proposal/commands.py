@@ -70,11 +70,9 @@ def command_of(
     if label is None:
         raise no_command(table, place)
     unit = COMMAND_UNITS[label.role]
-    if len(label.values) > 1:
-        values = [f"{value:g} {unit}" for value in label.values]
-        raise no_command(
-            table, place, f"the {label.source} {label.text!r} says {' and '.join(values)}", values
-        )
+    values = [f"{value:g} {unit}" for each in (label, *label.others) for value in each.values]
+    if len(values) > 1:
+        raise no_command(table, place, label.in_words(unit), values)
     _require_no_varying_column(label.role, label.values[0], table, place)
     return label.role, np.full(samples, label.values[0]), ((label.role, label.values[0], label.source),)
 
@@ -109,7 +107,7 @@ def _require_agreement(
     if abs(said - held) > max(0.15 * abs(held), 5 * command_slack(held)):
         unit = COMMAND_UNITS[role]
         values = [f"{said:g} {unit}", f"{held:.4g} {unit}"]
-        found = f"the {label.source} {label.text!r} says {values[0]}, and the {role} measured is {values[1]}"
+        found = f"{label.in_words(unit)}, and the {role} measured is {values[1]}"
         raise no_command(table, place, found, values)
 
 
@@ -126,7 +124,7 @@ def with_temperature(
     value = chosen.constant.get("temperature")
     if value is None:
         label = find_label(texts, "temperature")
-        if label is None or len(label.values) != 1:
+        if label is None or len(label.values) != 1 or label.others:
             return piece, told
         value = label.values[0]
         told = (*told, ("temperature", value, label.source))

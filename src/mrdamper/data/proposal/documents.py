@@ -10,29 +10,31 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mrdamper.data.finding import Finding
 from mrdamper.data.formats.excel import ZIP_SIGNATURE, sheet_lines
 from mrdamper.data.formats.lines.cells import is_number
 from mrdamper.data.formats.lines.encodings import encoding_of, open_text_bytes
-from mrdamper.data.formats.lines.header import DELIMITERS, holds_samples, split_line, with_unit
+from mrdamper.data.formats.lines.header import DELIMITERS, holds_samples, line_of, split_line, with_unit
 from mrdamper.data.formats.settings import SETTINGS
+from mrdamper.data.formats.table import Table
 from mrdamper.data.formats.text import is_text
 from mrdamper.data.tables import decoding
-from mrdamper.data.words.labels import Place, labels_in
+from mrdamper.data.words.headers import strip_channel
+from mrdamper.data.words.labels import CONDITIONS, Place, labels_in
 from mrdamper.errors import InputError
 from mrdamper.files import MAP_SUFFIX
 from mrdamper.quantities import is_any_unit
 
-_ROLES = ("current", "voltage", "temperature")
 _RUN = r"run|test|file|rec|record|versuch|lauf|messung|essai|prueba"
 _NUMBER_WORDS = re.compile(rf"^$|\b(no|nr|num|number|id|{_RUN})\b|#", re.IGNORECASE)
 _NUMBER_IN_LINE = re.compile(  # "run 7", but not "test 2 A"
     rf"\b(?:{_RUN})[\s_.#-]{{0,2}}(\d{{1,9}})\b(?![.,]\d|\s?(?:m?[AV]|°|deg|[CK]|mm|k?Hz|s|k?N|%)\b)",
     re.IGNORECASE,
 )
+_WHOLE = re.compile(r"\d{1,9}(\.0)?")
 _HEADING = re.compile(r"\s*(\[.*\]|#+ .*|[^:=]*:)\s*")
 _ALL_RUNS = re.compile(
     r"\b(?:all|every|alle[nr]?|tou(?:te)?s(?: les)?) (?:the )?(?:run|test|file|meas|record|mess|versuch)"
@@ -71,26 +73,47 @@ class Document:
 
 
 class _Files:
-    """Files of a folder, indexed by the names that a document may use for them."""
+    """Files of a folder, indexed by the names that a document may use for them.
 
-    def __init__(self, files: Sequence[Path]) -> None:
-        # Names in lower case, with and without suffix, and the last number of each stem if it is unique.
-        self.names = {name.lower(): path for path in files for name in (path.stem, path.name)}
-        last = [re.findall(r"\d{1,9}", path.stem) for path in files]
-        numbers = {int(found[-1]): path for found, path in zip(last, files, strict=True) if found}
-        self.numbers = numbers if len(numbers) == len(files) > 1 else {}
+    A name is the name of a file, the common name of the files of the channels of a run, or the name of a
+    folder, which means the files in this folder.
+    """
 
-    def file_in_cell(self, cell: str) -> Path | None:
-        return self.names.get(re.split(r"[\\/]", cell)[-1].strip(" `*\"'").lower())
+    def __init__(self, files: Sequence[Path], root: Path) -> None:
+        owners: dict[str, dict[Path, list[Path]]] = {}
+        for path in files:
+            names = dict.fromkeys((path.stem, path.name, strip_channel(path.stem)), path.parent)
+            names |= {folder.name: folder for folder in path.parents if root in folder.parents}
+            for name, owner in names.items():
+                owners.setdefault(name.lower(), {}).setdefault(owner, []).append(path)
+        owners.pop("", None)
+        # Equal names in different folders are ambiguous.
+        self.names = {name: tuple(*found.values()) for name, found in owners.items() if len(found) == 1}
+        # The last number of each name of a run, or of each folder, if it is unique.
+        self.numbers: dict[int, tuple[Path, ...]] = {}
+        for keys in (
+            [path.parent / strip_channel(path.stem) for path in files],
+            [path.parent for path in files],
+        ):
+            groups: dict[Path, list[Path]] = {}
+            for key, path in zip(keys, files, strict=True):
+                groups.setdefault(key, []).append(path)
+            last = {group: re.findall(r"\d{1,9}", group.name) for group in groups}
+            numbers = {int(found[-1]): tuple(groups[group]) for group, found in last.items() if found}
+            if not self.numbers and len(numbers) == len(groups) > 1:
+                self.numbers = numbers
 
-    def file_in_line(self, line: str) -> Path | None:
-        """Return the file named in a sentence: by its name, a stem with letters and digits, or its number."""
+    def in_cell(self, cell: str) -> tuple[Path, ...]:
+        return self.names.get(re.split(r"[\\/]", cell)[-1].strip(" `*\"'").lower(), ())
+
+    def in_line(self, line: str) -> tuple[Path, ...]:
+        """Return the files named in a sentence: by name, by a stem with letters and digits, or by number."""
         words = re.findall(r"[\w.+-]*\w", line.lower())
         names = [word for word in words if word in self.names and re.search(r"\.|[a-z].*\d", word)]
         if not names and self.numbers:
-            found = {self.numbers.get(int(number)) for number in _NUMBER_IN_LINE.findall(line)}
-            return found.pop() if len(found) == 1 else None
-        return self.names[names[0]] if len({self.names[name] for name in names}) == 1 else None
+            found = {self.numbers.get(int(number), ()) for number in _NUMBER_IN_LINE.findall(line)}
+            return found.pop() if len(found) == 1 else ()
+        return self.names[names[0]] if len({self.names[name] for name in names}) == 1 else ()
 
 
 def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Document, ...]:
@@ -117,15 +140,32 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
             continue
         has_samples = path.suffix in suffixes and any(holds_samples(lines, sign) for sign in DELIMITERS)
         is_run = path in files or has_samples  # The user may have chosen some runs of a folder.
-        about = _lines_by_file(path, lines, siblings or below, is_run=is_run) if lines else {}
-        stating = {
-            file: tuple(line for line in each if any(labels_in(line, role) for role in _ROLES))
-            for file, each in about.items()
-        }
+        stating: dict[Path, tuple[str, ...]] = {}
+        for group in (siblings, below):
+            if lines and not stating:
+                stating = _stating(_lines_by_file(path, lines, group, is_run=is_run))
         whole = () if has_samples else tuple(lines)
-        if any(stating.values()) or whole:
-            found.append(Document(path, {file: each for file, each in stating.items() if each}, whole))
+        if stating or whole:
+            found.append(Document(path, stating, whole))
     return tuple(found)
+
+
+def with_lists(tables: Sequence[Table], notes: Sequence[str]) -> list[Table]:
+    """Return tables with the lines about their titles in lists of runs: on other sheets, or in documents."""
+    titles = [Path(f"{title}.sheet") for title in dict.fromkeys(table.title for table in tables) if title]
+    said: dict[str, list[str]] = {}
+    for sheet, lines in {**tables[0].lists, "": notes}.items() if titles else ():
+        about = _lines_by_file(Path(f"{sheet}.sheet"), lines, titles, is_run=False)
+        for title, each in _stating(about).items():
+            said.setdefault(title.stem, []).extend(each)
+    return [replace(table, said=(*table.said, *said.get(table.title, ()))) for table in tables]
+
+
+def _stating(about: Mapping[Path, Sequence[str]]) -> dict[Path, tuple[str, ...]]:
+    """Return the lines that state conditions, by file."""
+    found = {file: tuple(line for line in each if any(labels_in(line, role) for role in CONDITIONS))
+             for file, each in about.items()}  # fmt: skip
+    return {file: each for file, each in found.items() if each}
 
 
 def _lines_of(path: Path) -> list[str]:
@@ -170,16 +210,17 @@ def _lines_by_file(
     path: Path, lines: Sequence[str], files: Sequence[Path], *, is_run: bool
 ) -> dict[Path, list[str]]:
     """Return the lines of a document about each file. A table is used if most of its rows name files."""
-    known = _Files(files)
+    known = _Files(files, path.parent)
     text = "\n".join(lines).lower()
     names_a_file = bool(known.numbers) or any(name in text for name in known.names)
     if is_run and path.suffix.lower() != ".json" and not names_a_file:
         return {}  # Most runs name no other file.
-    if len(files) == 1 and not is_run and _SETTINGS.search(path.stem):
-        return {files[0]: [with_unit(line) for line in lines]}
     own = [file for file in files if file.stem == path.stem]
-    if (own and not is_run) or (own and path.suffix.lower() == ".json"):
-        return {own[0]: [with_unit(line) for line in lines]}
+    own = own if not is_run or path.suffix.lower() == ".json" else []
+    if len(files) == 1 and not is_run and _SETTINGS.search(path.stem):
+        own = [*files]
+    if own:
+        return {own[0]: [with_unit(line_of(re.split("[\t;]", line))) for line in lines]}
     found: dict[Path, list[str]] = {}
     now: tuple[Path, ...] = ()  # The following entries describe these files.
     header: list[str] = []
@@ -187,14 +228,16 @@ def _lines_by_file(
     in_section = False
     for line in lines:
         cells = _cells(line)
-        named = next((file for cell in cells if (file := known.file_in_cell(cell))), None)
-        if named is None and len(cells) == len(header):
-            numbered = (known.numbers.get(int(float(cell))) for name, cell in zip(header, cells, strict=True)
-                        if re.fullmatch(r"\d{1,9}(\.0)?", cell) and _NUMBER_WORDS.search(name))  # fmt: skip
-            named = next(filter(None, numbered), None)
-        if named is not None and len(cells) > 1 and len(cells) == len(header):
-            pairs = [pair for pair in zip(header, cells, strict=True) if known.file_in_cell(pair[1]) is None]
-            found.setdefault(named, []).extend(with_unit(f"{name}: {value}") for name, value in pairs)
+        named = next((named for cell in cells if (named := known.in_cell(cell))), ())
+        if not named and len(cells) == len(header):
+            pairs = zip(header, cells, strict=True)
+            counts = [cell for name, cell in pairs if _NUMBER_WORDS.search(name) and _WHOLE.fullmatch(cell)]
+            numbered = (known.numbers.get(int(float(cell)), ()) for cell in counts)
+            named = next(filter(None, numbered), ())
+        if named and len(cells) > 1 and len(cells) == len(header):
+            stated = [pair for pair in zip(header, cells, strict=True) if not known.in_cell(pair[1])]
+            for file in named:
+                found.setdefault(file, []).extend(with_unit(f"{name}: {value}") for name, value in stated)
             mentions += 1
             continue
         if len(cells) > 1 and re.search(r"[^\W\d_]", line) and not any(is_number(cell) for cell in cells):
@@ -203,13 +246,13 @@ def _lines_by_file(
             header = (
                 [f"{h} [{u}]" if u else h for h, u in zip(header, units, strict=True)] if is_units else cells
             )
-        named = named or known.file_in_line(line)
-        mentions += named is not None
+        named = named or known.in_line(line)
+        mentions += bool(named)
         is_heading = _HEADING.fullmatch(line) is not None
         goes_on = bool(now) and (in_section or line[:1] in {" ", "\t"}) and _ENTRY.fullmatch(line)
-        if named is not None or is_heading or not goes_on:
-            now = (named,) if named is not None else tuple(files) if _ALL_RUNS.search(line) else ()
-            in_section = is_heading or (in_section and named is not None)
+        if named or is_heading or not goes_on:
+            now = named or (tuple(files) if _ALL_RUNS.search(line) else ())
+            in_section = is_heading or (in_section and bool(named))
         for file in now:
             found.setdefault(file, []).append(with_unit(_strip_name(line, file)))
     is_run = is_run and path.suffix.lower() != ".json"

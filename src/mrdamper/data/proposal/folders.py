@@ -33,6 +33,8 @@ _JOBS = tuple("card check compare cycles derate heat heatsink summary sweep veri
 _RESULTS = frozenset(f"{name}.{kind}" for name in _JOBS for kind in ("json", "html")) | {
     *("report.html", "sweep.html", "track.html", "track.json")
 }
+GENERIC_SUFFIXES = frozenset({".json", ".jsonl"})
+"""Suffixes of formats in which programs write any object."""
 _OF_ANYTHING = frozenset({".txt", ".bin", ".raw"})  # Files with these suffixes may or may not be runs.
 _NO_RUNS = frozenset(
     f".{end}"

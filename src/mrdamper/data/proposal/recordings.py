@@ -33,6 +33,7 @@ from mrdamper.data.proposal.commands import (
     segments_of,
     with_temperature,
 )
+from mrdamper.data.proposal.folders import GENERIC_SUFFIXES, format_suffixes
 from mrdamper.data.proposal.pieces import (
     Piece,
     cut_at_gaps,
@@ -43,7 +44,7 @@ from mrdamper.data.proposal.pieces import (
     run_edges,
     without_repeated_end,
 )
-from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all
+from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all, relocate
 from mrdamper.data.proposal.roles import find_columns, skipped_columns, wide_columns
 from mrdamper.data.proposal.side_by_side import side_by_side, wide_of_long
 from mrdamper.data.records import CHANNELS, LEAST_SAMPLES, Recording
@@ -114,12 +115,17 @@ def runs_in(
         try:
             parts.append(_part_of(table, own, file, stated))
         except InputError as fault:
+            if len(tables) > 1 and table.title:
+                part = "sheet" if table.layout.format == "Excel file" else "part"
+                relocate(fault, file.name, f"{file.name}, {part} {table.title!r}")
             if len(tables) == 1 or not _is_other_kind(table, tables):
                 faults.append(fault)
     if faults or not parts:
         error = ask_all(faults) if faults else InputError(place=file.name, found="no table holds a run")
-        if isinstance(error, AskingError) and not parts and not any(map(_may_be_run, tables)):
-            raise NoRunError(faults=[error], questions=error.questions)
+        is_foreign = file.suffix.lower() not in format_suffixes() - GENERIC_SUFFIXES
+        may_be_run = bool(parts) or any(_may_be_run(each, is_foreign=is_foreign) for each in tables)
+        if isinstance(error, AskingError) and not may_be_run:
+            raise NoRunError(faults=[error])
         raise error
     layout = tables[0].layout
     remarks = tuple(dict.fromkeys(note for part in parts for note in part.notes))
@@ -148,10 +154,13 @@ def _segment_map(chosen: ChannelMap, table: Table, number: int, count: int) -> C
     return replace(chosen, segments=None, constant=held)
 
 
-def _may_be_run(table: Table) -> bool:
-    """Return True if a table may contain samples of a damper: a time, and a motion or a force."""
+def _may_be_run(table: Table, *, is_foreign: bool) -> bool:
+    """Return True if a table may contain samples of a damper: a time, and a motion or a force.
+
+    In a foreign file, whose suffix is not a suffix of rig files, both the motion and the force are required.
+    """
     if not any(candidates(role, table.names) for role in QUANTITIES):  # Unnamed columns may have any role.
-        return True
+        return not is_foreign
     motions = [name for role in ("displacement", "velocity") for name in candidates(role, table.names)]
     has_time = bool(table.stamps or table.clocks or table.step_s or candidates("time", table.names))
     if not has_time and (table.rows < LEAST_SAMPLES or all(increases(table, name) for name in motions)):
@@ -160,6 +169,8 @@ def _may_be_run(table: Table) -> bool:
     # A column without a unit, or in volts, may be a motion.
     is_unclear = any(not unit_in_brackets(each.name) or "voltage" in each.of_unit for each in samples)
     has_force = bool(candidates("force", [each.name for each in samples]))
+    if is_foreign:
+        return bool(motions) and has_force
     return bool(motions) or (is_unclear and table.rows >= LEAST_SAMPLES and has_force)
 
 

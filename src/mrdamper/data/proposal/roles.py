@@ -18,7 +18,13 @@ import numpy as np
 from mrdamper.data.channels import Channel, ChannelMap
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Table
-from mrdamper.data.proposal.clocks import fastest_time, increases, require_one_rate, unit_by_rate
+from mrdamper.data.proposal.clocks import (
+    fastest_time,
+    increases,
+    is_coarse_clock,
+    require_one_rate,
+    unit_by_rate,
+)
 from mrdamper.data.proposal.column import Column, Header, header_of, headers_of, meant_without_unit
 from mrdamper.data.proposal.questions import ask, ask_all
 from mrdamper.data.proposal.refusals import column_list, command_shares, no_column, no_scale, no_unit
@@ -122,6 +128,7 @@ def column_of(
     if role == "time" and chosen.rate_Hz is None and table.step_s is None:
         # A logger may repeat the moment of the start in each row.
         stamps = [name for name in table.stamps if table.columns[name][0] != table.columns[name][-1]]
+        stamps = [name for name in stamps if not is_coarse_clock(table, name, chosen, place)]
         named = [each for each in headers if each.of_word == "time" and "time" in each.of_unit]
         if stamps and not named:
             return _select_one("time", [Column("time", name, "s", "times of day") for name in stamps], place)

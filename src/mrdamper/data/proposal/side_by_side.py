@@ -14,8 +14,8 @@ from mrdamper.data.formats.clocks import with_times
 from mrdamper.data.formats.groups import attribute_lines
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Table
-from mrdamper.data.words.headers import parse_header, word_and_unit
-from mrdamper.quantities import roles_of_unit, to_si
+from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
+from mrdamper.quantities import QUANTITIES, roles_of_unit, to_si
 
 _VALUE = re.compile(r"values?|val|wert|valeur|valor|reading|measurement", re.IGNORECASE)
 _COUNTED = re.compile(r" \(\d+\)$")  # Readers number names that repeat.
@@ -71,11 +71,10 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
         name
         for name, kind in kinds.items()
         if 2 <= len(kind) <= SETTINGS.table_columns_max
-        and len({header[0] for name in kind if (header := parse_header(name or ""))}) > 1
+        and len({role for role in QUANTITIES if any(_means(name or "", role) for name in kind)}) > 1
     ]
-    times = [
-        name for name in table.columns if (parse_header(name) or ("",))[0] == "time" or name in table.stamps
-    ]
+    of_time = {name for name in table.columns if "time" in roles_of_unit(word_and_unit(name)[1])}
+    times = [name for name in table.columns if _means(name, "time") or name in {*of_time, *table.stamps}]
     if len(named) != 1 or len(times) != 1:
         return (table,)
     values = [name for name in table.columns if name not in times and not _is_counter(table.columns[name])]
@@ -115,6 +114,12 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
         )
         runs.append(with_times(plain, {name: seconds[there] for name, there in rows.items()}))
     return tuple(runs)
+
+
+def _means(name: str, role: str) -> bool:
+    """Return True if a channel is named after a role, as ``Force`` or ``rod_force``."""
+    header = parse_header(name)
+    return header[0] == role if header else speaks_of(name, role)
 
 
 def _is_counter(values: FloatArray) -> bool:

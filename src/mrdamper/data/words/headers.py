@@ -55,6 +55,7 @@ _COMMAND = re.compile(
     r"\b(c(o|ó)m(m)?and\w*|cmd|drive\w*|control\w*|steuer\w*|consign\w*)\b|volt|spannung|tens[iã]|ten[cs]i[oó]n|nap[ie]"
     r"|电压|電圧|전압|指令"
 )
+_COIL = re.compile(r"\b(coil|magnet\w*|solenoid|spule\w*|bobin[ae]|cewk\w*)\b|线圈|コイル")
 _DUTY = re.compile(r"\b(pwm|duty\w*|tastgrad|tastverh\w*|control|drive\w*|steuer\w*)\b|占空比|듀티")
 _PER_CENT = re.compile(
     r"(?:%|\b(?:pct|percent|per cent|prozent)\b)"
@@ -105,6 +106,8 @@ def legend_in(line: str) -> list[tuple[int | None, str, str]]:
 
 def _means(word: str, roles: Sequence[str]) -> bool:
     """Return True if a word means one of the roles: ``coil current_A`` is a current, ``sensor_A`` is not."""
+    if "current" in roles and _COIL.search(_split_words(word)):
+        return True
     return any(word.upper() == QUANTITIES[role].symbol.upper() or speaks_of(word, role) for role in roles)
 
 
@@ -184,6 +187,14 @@ def parse_header(header: str) -> tuple[str, str] | None:
         if role is not None and role in roles_of_unit(unit):
             return role, unit
     return None
+
+
+def strip_channel(stem: str) -> str:
+    """Return the name of a file without its channel words, such as ``force``, ``F`` or ``coil``."""
+    words = re.split(r"(?:[^\w.,]|_|(?<!\d)[.,]|[.,](?!\d))+", stem)  # "0.5A" is one word.
+    symbols = {quantity.symbol for quantity in QUANTITIES.values()} | {""}
+    channels = {word for word in words if parse_header(word) or _COIL.fullmatch(word.lower())} | symbols
+    return "_".join(word for word in words if word not in channels)
 
 
 def is_unit_beside(text: str, role: str) -> bool:

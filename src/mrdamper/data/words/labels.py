@@ -15,19 +15,20 @@ from pathlib import Path
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, to_si
 
-_NUMBER = r"\d+(?:[.,p]\d+)?"
+# Fortran writes 5.0D-01. Without a decimal point, an exponent needs a sign: "3E2" may be a name.
+_NUMBER = r"(?:\d+|(?=\.\d))(?:[.,p]\d+(?:[eEdD]\d{1,3})?)?(?:[eEdD][-+]\d{1,3})?"
 _END = r"(?![A-Za-z0-9/²^*·])"
 _UNITS = {
-    "current": r"m?A(?:mp(?:ere)?s?)?|[mM]A|amps|amperes?|(?<=\d )amp",
-    "voltage": r"m?V(?:olts?)?",
-    "temperature": r"(?:°|deg\.?|º)?\s?[CF]|K|℃|℉",
+    "current": r"m?A(?:mp(?:ere)?s?)?|[mM]A|(?i:amps|amperes?)|AMP|(?<=\d )amp",
+    "voltage": r"m?V(?:olts?)?|(?i:volts?)",
+    "temperature": r"(?i:(?:°|º|deg(?:\.|rees?)?|grad)?\s?(?:[CF]|celsius|fahrenheit))|K|℃|℉",
 }
 _SYMBOLS = {"current": "iI", "voltage": "uUvV", "temperature": "tT"}
 # A number is separate, or follows its sign or its symbol: "rev2A" is not a current and "0-1.5A" is a range.
 # A minus after a letter is a dash before a current, but a temperature may be negative.
-_BEGIN = r"(?:(?<![\w.,+-])|(?<=_)|(?<=(?<![^\W_])[{symbol}])|(?<=(?:(?<=[\s_=:(])|(?<![\s\S]))[+-]){dash})"
-_DASHES = {"current": r"|(?<=[^\W\d]-)", "voltage": r"|(?<=[^\W\d]-)", "temperature": ""}
-_RANGE = r"(?:(?<=\bset to )|(?<!\bto ))(?<!\bbis )(?<![-–…~] )"
+_BEGIN = r"(?:(?<![\w.,+%-])|(?<=_)|(?<=(?<![^\W_])[{symbol}])|(?<=(?:(?<=[\s_=:(])|(?<![\s\S]))[+-]){dash})"
+_DASHES = dict.fromkeys(("current", "voltage"), r"|(?<=(?<![\d.])[^\W\d]-)") | {"temperature": ""}
+_RANGE = r"(?:(?<=\bset to )|(?<!\bto ))(?<!\bbis )(?<![-–…~] )(?<!\d[eEdD] [+-])"
 _FORMS = {
     role: re.compile(
         rf"((?<![^\s_=:(])[+-])?{_BEGIN.format(symbol=_SYMBOLS[role], dash=_DASHES[role])}{_RANGE}"
@@ -51,19 +52,14 @@ _SET = re.compile(
 )
 _NOT_THE_DAMPER = re.compile(r"room|ambient|raum|umgebung|\blab\b|\bair\b", re.IGNORECASE)
 _OF_TEMPERATURE = re.compile(r"temp|темп|\bT\b|°|℃|deg|温度|온도", re.IGNORECASE)
+CONDITIONS = ("current", "voltage", "temperature")
 DOCUMENT = "document"  # The source of a value from a document begins with this word.
 # Cyrillic units are mapped to Latin units. Any other Cyrillic letter ends a unit: "Вт" is not a volt.
 _CYRILLIC = dict.fromkeys(range(0x400, 0x500), "x") | str.maketrans("АВСм", "AVCm")
-_SCALE = re.compile(
-    rf"({_NUMBER}(?:[eE][-+]?\d+)?)\s*([^\W\d_]{{1,3}}(?:/s)?)\s*(?:/|per)\s*(m?V)(?:olt)?s?(?![\w/])"
-)
 _PER_VOLT = {"V": 1.0, "mV": 1e3}
-_SCALE_BEFORE = re.compile(
-    rf"(?<![^\s\[(])([^\W\d_]{{1,3}}(?:/s)?)/(m?V)[\])]?[\s:=]+({_NUMBER}(?:[eE][-+]?\d+)?)(?![\w/])"
-)
-_VOLTS_PER = re.compile(
-    rf"(?<![\d.,])({_NUMBER}(?:[eE][-+]?\d+)?)\s*(m?V)\s*(?:/|per)\s*([^\W\d_]{{1,3}})(?![\w/])"
-)
+_SCALE = re.compile(rf"({_NUMBER})\s*([^\W\d_]{{1,3}}(?:/s)?)\s*(?:/|per)\s*(m?V)(?:olt)?s?(?![\w/])")
+_SCALE_BEFORE = re.compile(rf"(?<![^\s\[(])([^\W\d_]{{1,3}}(?:/s)?)/(m?V)[\])]?[\s:=]+({_NUMBER})(?![\w/])")
+_VOLTS_PER = re.compile(rf"(?<![\d.,])({_NUMBER})\s*(m?V)\s*(?:/|per)\s*([^\W\d_]{{1,3}})(?![\w/])")
 _SCALE_OF_ONE = re.compile(
     rf"(?<![\d.,])1\s*V\s*(?:=|≙|->|:)\s*({_NUMBER})\s*([^\W\d_]{{1,3}}(?:/s)?)(?![\w/])"
 )
@@ -87,6 +83,14 @@ class Label:
     values: tuple[float, ...]  # SI
     source: str
     text: str
+    others: tuple[Label, ...] = ()  # Labels of other sources that contradict this label.
+
+    def in_words(self, unit: str) -> str:
+        """Return the sources with their texts and values."""
+        values = " and ".join(f"{value:g} {unit}" for value in self.values)
+        return ", and ".join(
+            [f"the {self.source} {self.text!r} says {values}", *(each.in_words(unit) for each in self.others)]
+        )
 
 
 def labels_in(text: str, role: str) -> tuple[float, ...]:
@@ -96,7 +100,11 @@ def labels_in(text: str, role: str) -> tuple[float, ...]:
     found += [(number, unit) for unit, number in _AFTER_UNIT[role].findall(text)]
     values: dict[float, None] = {}
     for number, unit in found:
-        spelled = "mA" if unit == "MA" else unit.replace(" ", "")
+        spelled = "mA" if unit == "MA" else unit
+        if role == "temperature" and unit != "K":
+            if unit in {"c", "f"} and not _OF_TEMPERATURE.search(text):
+                continue
+            spelled = "degF" if re.search("[f℉]", unit.lower()) else "degC"
         try:
             value = float(to_si(_to_float(number), spelled, role))
         except InputError:
@@ -107,14 +115,15 @@ def labels_in(text: str, role: str) -> tuple[float, ...]:
 
 
 def _to_float(number: str) -> float:
-    """Return a number with a decimal comma, a decimal point, or the letter p: 1,5 or 1.5 or 1p5."""
-    return float(re.sub("[,p]", ".", number))
+    """Return a number with a decimal comma or point or the letter p (1p5), and an exponent (1.5D+00)."""
+    return float(re.sub("[,p]", ".", re.sub("[dD]", "e", number)))
 
 
 def find_label(places: Sequence[Place], role: str) -> Label | None:
     """Return the label of the nearest text with a value of the role, None if no text has a value.
 
-    If a document about the file states a different value than the nearest text, the label has both values.
+    If other texts about the file state different values, the label is ambiguous and has these labels. A
+    temperature may differ from the nominal temperature in a file name.
     """
     found: list[Label] = []
     for source in dict.fromkeys(place.source for place in places):
@@ -125,11 +134,12 @@ def find_label(places: Sequence[Place], role: str) -> Label | None:
                     values.setdefault(value, place.text)
         if values:
             found.append(Label(role, tuple(values), source, next(iter(values.values()))))
-    sure = [label for label in found if len(label.values) == 1]
-    document = next((label for label in sure if label.source.startswith(DOCUMENT)), None)
-    if document is None or sure[0].values == document.values:
-        return next(iter(sure[:1] if document else found), None)
-    return replace(sure[0], values=sure[0].values + document.values)
+    label = next((each for each in found if len(each.values) == 1), next(iter(found), None))
+    if label is None:
+        return None
+    compared = DOCUMENT if role == "temperature" else (DOCUMENT, "title", "header", "file name")
+    others = [each for each in found if each is not label and each.source.startswith(compared)]
+    return replace(label, others=tuple(each for each in others if not {*label.values} & {*each.values}))
 
 
 def places_of(title: str, said: Iterable[str], path: Path) -> tuple[Place, ...]:
@@ -168,7 +178,7 @@ def _may_say(place: Place, role: str) -> bool:
         return False
     # A supply states its rating, such as 24 V and 5 A, unless the line is about a set current.
     is_set = role == "current" and _SET.search(place.text) and not labels_in(place.text, "voltage")
-    if _SUPPLY.search(place.text) and not is_set:
+    if role != "temperature" and _SUPPLY.search(place.text) and not is_set:
         return False
     if role == "temperature":
         return not _NOT_THE_DAMPER.search(place.text) and bool(_OF_TEMPERATURE.search(place.text))
@@ -181,13 +191,11 @@ _SAMPLING = re.compile(
     r"sampl|(?<![^\W_])fs(?![^\W_])|\brate\b|messrate|abtast|acqui|échant|echant|muestr|campion|amostr|próbk|采样|サンプ|샘플",
     re.IGNORECASE,
 )
-_RATE = re.compile(
-    rf"({_NUMBER}(?:[eE][-+]?\d+)?)\s*(k?)(?:Hz|S/s|Sa/s|samples/s|sps)\b|\(?(k?)Hz\)?\W+({_NUMBER})\b"
-)
+_RATE = re.compile(rf"({_NUMBER})\s*(k?)(?:Hz|S/s|Sa/s|samples/s|sps)\b|\(?(k?)Hz\)?\W+({_NUMBER})\b")
 _INTERVAL = re.compile(
     r"(?:delta_?x|sampl\w*[ _]?(?:interval|period|time)|x_?incr\w*|increment|\bdt\b|\bdx\b"
     r"|abtast\w*(?:intervall|zeit))"
-    rf"\W*(?:\(?(ms|us|s)\)?)?\W+({_NUMBER}(?:[eE][-+]?\d+)?)\s*(ms|us|µs|s)?\b",
+    rf"\W*(?:\(?(ms|us|s)\)?)?\W+({_NUMBER})\s*(ms|us|µs|s)?\b",
     re.IGNORECASE,
 )
 _IN_SECONDS = re.compile(r"horizontal units?\W+s(ec\w*)?\W*$", re.IGNORECASE)

@@ -33,8 +33,8 @@ class Block:
 
 def find_blocks(
     content: bytes, start: int, first_line: int, delimiter: str, encoding: str
-) -> tuple[list[Block], int]:
-    """Return the list of blocks from byte ``start`` on, and the number of lines below the last block."""
+) -> tuple[list[Block], list[str]]:
+    """Return the list of blocks from byte ``start`` on, and the lines below the last block."""
     blocks: list[Block] = []
     above: list[str] = []  # Lines of words since the last block.
     waiting: list[str] = []  # Lines of the open block that may be words.
@@ -64,8 +64,8 @@ def find_blocks(
             blocks.append(block)
             block, above, waiting = None, [*waiting, line], []
     if block is not None:
-        return [*blocks, block], len(waiting)
-    return blocks, len(above)
+        return [*blocks, block], waiting
+    return blocks, above
 
 
 def _begins_block(cells: Sequence[str], *, is_first: bool) -> bool:

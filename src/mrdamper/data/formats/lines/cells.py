@@ -27,7 +27,7 @@ def _form(point: str, group: str) -> re.Pattern[str]:
     """
     grouped = rf"[0-9]{{1,3}}(?:[{group}'\s][0-9]{{3}})"
     return re.compile(
-        rf"([+-]?)\s?({grouped}+(?=[{point}])|{grouped}{{2,}}|[0-9]*)(?:[{point}]([0-9]*))?"
+        rf"([+-]?)\s*({grouped}+(?=[{point}])|{grouped}{{2,}}|[0-9]*)(?:[{point}]([0-9]*))?"
         r"(?:[eEdD]([+-]?[0-9]+))?"
     )
 
@@ -39,7 +39,7 @@ _FORMS = {".": _form(".", ","), ",": _form(",", ".")}
 def number_in(cell: str, decimal: str) -> float | None:
     """Return the number in a cell, None if the cell is not a number.
 
-    Also accepted: ``1.0D+02``, a blank after the sign, and groups of thousands.
+    Also accepted: ``1.0D+02``, blanks after the sign, and groups of thousands.
     """
     found = _FORMS["," if decimal == "," else "."].fullmatch(cell)
     if found is None:

@@ -16,9 +16,10 @@ from mrdamper.data.formats.lines.properties import find_properties, property_of
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import MISSING_MARKS
 from mrdamper.data.formats.timestamps import days_of, is_time
+from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
 from mrdamper.data.words.labels import labels_in
 from mrdamper.errors import InputError
-from mrdamper.quantities import is_any_unit
+from mrdamper.quantities import QUANTITIES, is_any_unit, roles_of_unit
 
 _COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
 _SPARSE = re.compile(r"(events?|markers?|comments?|remarks?|notes?)", re.IGNORECASE)
@@ -26,10 +27,13 @@ _LEAD = re.compile(r"^\s*[^\W\d]+(?:\s+[^\W\d]+)?\s*[:=]\s*")  # "columns: "
 _THOUSANDS = re.compile(r"[+-]?\d{1,3},\d{3}")
 _WHOLE = re.compile(r"[+-]?\d+")
 _SETTING = re.compile(
-    r"\s*[-*]?\s*[\"']?([^\W\d][\w .()/°#\[\]]*?)[\"']?\s*[:=]\s*[\"']?([+-]?\d[\d.,]*)[\"']?,?\s*"
+    r"\s*[-*]?\s*[\"']?([^\W\d][\w .()/°#\[\]]*?)[\"']?\s*[:=]\s*[\"']?"
+    r"([+-]?\d[\d.,]*(?:[eEdD][+-]?\d+)?)[\"']?,?\s*"
 )  # "Current_A=0.5"
 _ENTRY = re.compile(r"\s*([^\s:=][^:=]*?)\s*(?:[:=]|->)\s*(\S.*?)\s*")  # A legend: "CH1: force, N".
-_MARK = re.compile(r"\s*(\w[\w ]*:|\[[\w ]+\])\s*")  # The line above the samples: "Data:", "[Data]".
+_MARK = re.compile(
+    r"\s*(\w[\w ]*:|\[[\w ]+\]|[\"']?[^\W\d]+[\"']?)\s*"
+)  # The line above the samples: "[Data]".
 DELIMITERS = ("\t", ";", ",", "|", " ")
 
 
@@ -115,9 +119,10 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     """
     cells = split_line(lines[first], delimiter)
     bare = [_COMMENT.sub("", line) for line in lines[:first]]
-    stated = find_properties([_filled(split_line(line, delimiter)) for line in bare], bare, cells)
+    table = [_filled(split_line(line, delimiter)) for line in bare]
+    stated = find_properties(table, bare, cells)
     if stated is not None:
-        said = _nonempty_lines(lines[:first], delimiter)
+        said = statements(lines[:first], delimiter)
         return Header(stated.names, said, scales=stated.scales, sampling=stated.sampling)
     named = split_line(lines[first - 1], delimiter) if first else []
     if len(named) == len(cells) + 1 and _SPARSE.fullmatch(named[-1]):
@@ -135,8 +140,8 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
             break
     if not rows:
         plain = tuple(f"column {k + 1}" for k in range(count))
-        said = _nonempty_lines(lines[:first], delimiter)
-        meant = _apply_legend(plain, said)
+        said = statements(lines[:first], delimiter)
+        meant = _apply_legend(plain, said, table)
         return Header(meant, said, named=meant != plain)
     if sum(_leads(fields) for _, fields in rows) > 1:  # "Names: Time;Force", "Units: s;N"
         rows = [(k, [_LEAD.sub("", fields[0]), *fields[1:]]) for k, fields in rows]
@@ -166,10 +171,12 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
             now = cell or now
             names[k] = f"{now}: {names[k]}" if now else names[k]
     said = (
-        *_nonempty_lines([line for k, line in enumerate(lines[:first]) if k not in used], delimiter),
+        *statements([line for k, line in enumerate(lines[:first]) if k not in used], delimiter),
         *settings,
     )
-    return Header(_apply_legend(tuple(names), said), said)
+    return Header(
+        _apply_legend(tuple(names), said, [row for k, row in enumerate(table) if k not in used]), said
+    )
 
 
 def _filled(cells: list[str]) -> list[str]:
@@ -178,13 +185,30 @@ def _filled(cells: list[str]) -> list[str]:
     return cells[:last]
 
 
-def _apply_legend(names: tuple[str, ...], said: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of columns as a legend above the table explains them (``CH1: force, N``)."""
+def _apply_legend(
+    names: tuple[str, ...], said: Sequence[str], rows: Sequence[Sequence[str]] = ()
+) -> tuple[str, ...]:
+    """Return the names of columns as a legend above the table explains them.
+
+    A legend has entries (``CH1: force, N``), or a row for each channel (``CH1;force;5 V;N``). Unless most of
+    the columns are explained, only names without a meaning, such as CH1, are replaced.
+    """
     entries = (_ENTRY.fullmatch(line) for line in said)
     legend = {_key(entry[1]): entry[2] for entry in entries if entry is not None}
-    meant = [legend.get(_key(name), "") for name in names]
+    meant: list[str] = []
+    opaque: list[bool] = []
+    for name in names:
+        word, unit = word_and_unit(name)
+        opaque.append(not parse_header(name) and not any(speaks_of(word, role) for role in QUANTITIES))
+        row = next((row for row in rows if opaque[-1] and len(row) > 2 and _key(row[0]) == _key(word)), ())
+        text = legend.get(_key(name)) or legend.get(_key(word)) or (row[1] if row else "")
+        units = [unit] if unit else [cell for cell in row[2:] if roles_of_unit(cell)]
+        with_its_unit = f"{text} [{units[0]}]" if len(units) == 1 and not word_and_unit(text)[1] else text
+        meant.append(with_its_unit if text[:1].isalpha() else "")  # "Stroke: 25 mm" states a value.
     if sum(map(bool, meant)) <= len(names) // 2:
-        return names
+        meant = [text if is_opaque else "" for text, is_opaque in zip(meant, opaque, strict=True)]
+        if sum(map(bool, meant)) < 2:
+            return names
     return tuple(one or name for one, name in zip(meant, names, strict=True))
 
 
@@ -215,12 +239,25 @@ def _names_in_comment(text: str, count: int) -> list[str]:
     return next((fields for fields in lists if len(fields) == count > 1 and all(fields)), [])
 
 
-def _nonempty_lines(lines: Sequence[str], delimiter: str) -> tuple[str, ...]:
+def statements(lines: Sequence[str], delimiter: str) -> tuple[str, ...]:
     """Return the lines above a table that are not empty, with cells separated by blanks."""
     cells = [split_line(_COMMENT.sub("", line), delimiter) for line in lines]
-    joined = [" ".join(filter(None, fields)) for fields in cells]
+    joined = [line_of(fields) for fields in cells]
     said = [with_unit(line[: SETTINGS.note_length_max]) for line in joined if line]
     return (*said, *_results(cells))[-SETTINGS.note_lines_max :]
+
+
+def line_of(row: Sequence[str]) -> str:
+    """Return the cells of a row as a line; a name, a unit and a number become ``name: 0.5 A``."""
+    cells = [cell.strip() for cell in row if cell.strip()]
+    numbers = [cell for cell in cells if is_number(cell)]
+    words = [cell for cell in cells if cell not in numbers]
+    units = [cell for cell in words if roles_of_unit(cell)]
+    if len(numbers) == len(units) == 1 and len(words) == 2:
+        (name,), unit = [word for word in words if word != units[0]], units[0].strip("[]()")
+        if word_and_unit(f"{name}_{unit}")[1]:  # "Damper;A;3" is not a current.
+            return f"{name}: {numbers[0]} {unit}"
+    return " ".join(cells)
 
 
 def _results(rows: Sequence[Sequence[str]]) -> list[str]:

@@ -17,7 +17,8 @@ from mrdamper.data.words.headers import word_and_unit
 
 _WORDS: Mapping[str, re.Pattern[str]] = {
     "name": re.compile(
-        r"(names?|labels?|titles?|signals?|traces?|bezeichnung|kanalname|nom|nombre|voies?|quantity|messgröße)"
+        r"(names?|labels?|titles?|signals?|traces?|waves?|descriptors?|descriptions?|variables?|parameters?|tags?"
+        r"|bezeichnung|kanalname|nom|nombre|voies?|quantity|messgröße)"
     ),
     "unit": re.compile(r"(units?|einheit(en)?|unité|unidad|vunits?)"),
     "factor": re.compile(r"(factor|scale|scaling|gain|slope|multiplier|faktor|skalierung|steigung)"),
@@ -26,6 +27,8 @@ _WORDS: Mapping[str, re.Pattern[str]] = {
 _OF_TIME = frozenset({"x", "h", "t", "horz", "horizontal", "time"})
 _NUMBERED = re.compile(r"\W*([^\W\d]*)[ _.#]*?(\d+)[\]\s_.:)]*(.*?)\W*")
 _CHANNEL = re.compile(r"(ch|chn|chan|channel|kanal|col|column|spalte|signal|sig|voie|canal)?", re.IGNORECASE)
+# Igor scales the time axis of a wave by x, and its values by y: SetScale/P x 0,0.001,"s", force
+_AXIS = re.compile(r'\b([xy]) +[^\s,"]+,([^\s,"]+),"([^"]*)", *(\w+)')
 _ENTRY = re.compile(r"\W*(.*?)\s*(?:=|:|\t|;)\s*(.*?)\s*")
 
 
@@ -69,7 +72,7 @@ def find_properties(
     leads = bool(first) and not first[0]  # The first cells of the rows are empty, below the labels.
     count = len(first) - leads
     found: dict[str, list[str]] = {}
-    for name, values in (*_by_rows(rows), *_by_channels(rows), *_by_numbers(lines)):
+    for name, values in (*_by_rows(rows), *_by_channels(rows), *_by_numbers(lines), *_by_axes(lines)):
         if name == "name" and any(number_in(value, ".") is not None for value in values):
             continue
         if name in {"name", "unit", "factor", "offset"} and len(values) in range(
@@ -89,6 +92,7 @@ def find_properties(
     if units_of_time:
         settings |= {f"{label}_unit": units_of_time[0] for label in settings}
     units = [unit.strip("[]()") for unit in found.get("unit", [""] * len(names))]
+    names = [names[0] or "time", *names[1:]] if len({*names}) == len(names) > 2 else names
     spelled = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
     scales = {
         name: (factor, offset)
@@ -152,9 +156,18 @@ def _by_numbers(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
         yield name, [values[number] for number in sorted(values)]
 
 
+def _by_axes(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
+    """Generate the units of the values, and the step of the time axis, from scales of Igor waves."""
+    axes = [found for line in lines for found in _AXIS.findall(line)]
+    yield "unit", [unit for axis, _, unit, _ in axes if axis == "y"]
+    for axis, step, unit, _ in axes:
+        if axis == "x":
+            yield from (("x increment", [step]), ("x unit", [unit]))
+
+
 def _settings(rows: Sequence[Sequence[str]], lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
     """Generate (label, values) of each row or column; the values follow the label."""
-    yield from _by_channels(rows)
+    yield from (*_by_channels(rows), *_by_axes(lines))
     for row, below in zip_longest(rows, rows[1:], fillvalue=()):
         if row and row[0]:
             yield row[0], [cell for cell in row[1:] if cell] or [*below[:1]]
