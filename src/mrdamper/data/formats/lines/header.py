@@ -66,7 +66,7 @@ def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
         return max(found)[1:]
     count = SETTINGS.table_rows_min
     alone = [k for k in range(len(lines) - count + 1) if all(map(is_number, lines[k : k + count]))]
-    return wanted or ("\t" if alone else ","), next(iter(alone), None)  # one column
+    return wanted or ("\t" if alone else ","), next(iter(alone), None)  # A text with one column.
 
 
 def holds_samples(lines: Sequence[str], delimiter: str) -> bool:
@@ -126,7 +126,7 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
         return Header(stated.names, said, scales=stated.scales, sampling=stated.sampling)
     named = split_line(lines[first - 1], delimiter) if first else []
     if len(named) == len(cells) + 1 and _SPARSE.fullmatch(named[-1]):
-        cells = [*cells, ""]  # Only some rows have an event.
+        cells = [*cells, ""]  # The first row has no cell in the column of events.
     count = len(cells)
     filled = max((k + 1 for k, cell in enumerate(cells) if cell), default=count)
     rows: list[tuple[int, list[str]]] = []
@@ -248,7 +248,7 @@ def statements(lines: Sequence[str], delimiter: str) -> tuple[str, ...]:
 
 
 def _entry_of(cells: Sequence[str]) -> str:
-    """Return the cells of a row as a line; a name, a unit and a number become ``name: 0.5 A``."""
+    """Return the cells of a row as a line. A name, a unit and a number are written as ``name: 0.5 A``."""
     numbers = [cell for cell in cells if is_number(cell)]
     words = [cell for cell in cells if cell not in numbers]
     units = [cell for cell in words if roles_of_unit(cell)]
@@ -272,7 +272,7 @@ def _results(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def with_unit(line: str) -> str:
-    """Return an entry ``Current_A=0.5`` with the unit after the number; return any other line unchanged."""
+    """Rewrite an entry such as ``Current_A=0.5`` as ``Current_A: 0.5 A``. Other lines are unchanged."""
     found = _SETTING.fullmatch(line)
     if found is None:
         return line
