@@ -18,9 +18,9 @@ from mrdamper.data.prepare import PreparedRun
 
 
 def find_wrong_sign(prepared: PreparedRun) -> Finding:
-    """Return the finding on a force with the wrong sign: opposed to the velocity.
+    """Return the finding that force and velocity have opposite signs.
 
-    ``prepared`` is the run with the corrected sign.
+    ``prepared`` is the run with the corrected sign of the force.
     """
     scored = slice(prepared.scored_from, None)
     correlation = -float(np.corrcoef(prepared.force[scored], prepared.trajectory.velocity[scored])[0, 1])
@@ -147,10 +147,10 @@ def find_force_lag(prepared: PreparedRun) -> Iterator[Finding]:
 
 
 def _static_force(prepared: PreparedRun) -> float | None:
-    """Return the static force [N]: the mean over whole cycles, or the fitted force at zero velocity.
+    """Return the static force [N], None if the run has no whole cycle.
 
-    The mean is for periodic motion. For other motions, the force is fitted as a + b sign(v) + c v + d x, and
-    a is the static force.
+    The static force of a periodic motion is the mean force over whole cycles. For other motions, the force is
+    fitted as a + b sign(v) + c v + d (x - mean of x), and a is the static force.
     """
     whole = cycles(prepared)
     if not len(whole):

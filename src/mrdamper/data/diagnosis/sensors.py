@@ -20,11 +20,11 @@ STEP_RATIO = math.sqrt(12.0)  # The standard error of rounding is the step divid
 
 
 def find_clipping(recording: Recording) -> Iterator[Finding]:
-    """Generate findings on clipped channels: far more samples at the exact extreme than near it.
+    """Generate findings on clipped channels: far more samples have the extreme value than the next values.
 
-    The number of samples at the extreme is compared with the numbers at the next four values, which a smooth
-    signal reaches nearly as often. A segment of extreme values counts only if the signal enters or leaves the
-    segment with a slope. This condition excludes the reversals of a coarsely quantised sine.
+    The number of samples with the extreme value is compared with the mean number at the next four values,
+    which a smooth signal reaches nearly as often. A segment of extreme values counts only if the signal
+    enters or leaves it with a slope. This condition excludes the reversals of a coarsely quantised sine.
     """
     for role, values in _varying_channels(recording):
         counts = np.unique(values, return_counts=True)[1]
@@ -94,7 +94,7 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
 
 
 def _coarse_step(values: FloatArray) -> float:
-    """Return the resolution of a channel if coarse relative to the standard deviation, else 0."""
+    """Return the resolution of a channel if coarse relative to the channel's standard deviation, else 0."""
     resolution = resolution_of(values)
     return resolution if resolution / STEP_RATIO > SETTINGS.coarse_note_ratio * float(np.std(values)) else 0.0
 
@@ -152,7 +152,7 @@ def find_spikes(recording: Recording) -> Iterator[Finding]:
 
 
 def resolution_of(values: FloatArray) -> float:
-    """Return the step of a quantised channel, 0 for a continuous one."""
+    """Return the step of a quantised channel, 0 for a continuous channel."""
     levels = np.unique(values)
     if len(levels) < 3 or len(levels) > 0.5 * len(values):
         return 0.0
@@ -192,7 +192,7 @@ def _has_slope(values: FloatArray, a: int, b: int) -> bool:
 def _stuck_length(segments: list[tuple[int, int]]) -> float:
     """Return the length [time steps] from which a constant segment indicates a stuck sensor.
 
-    The length is increased if the channel has at least five constant segments and many are long.
+    The length is larger if the channel has at least five constant segments and many of them are long.
     """
     if len(segments) < 5:
         return SETTINGS.stuck_steps_min

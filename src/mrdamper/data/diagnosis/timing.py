@@ -1,4 +1,4 @@
-"""Findings on the time stamps of a run: lost samples and jumps."""
+"""Findings on the timing of a run: lost samples and jumps of the displacement."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mrdamper.data.records import Recording
 
 
 def find_lost_samples(recording: Recording) -> Iterator[Finding]:
-    """Generate a finding on lost samples."""
+    """Generate a finding if time steps are longer than 1.5 median steps, because samples were lost."""
     steps = np.diff(recording.time)
     usual = float(np.median(steps))
     lost = np.flatnonzero(steps > SETTINGS.lost_step_ratio_min * usual)
@@ -38,7 +38,7 @@ def find_lost_samples(recording: Recording) -> Iterator[Finding]:
 def find_phase_jumps(recording: Recording) -> Iterator[Finding]:
     """Generate findings on jumps of the displacement between two samples with regular time stamps.
 
-    Lost or doubled samples cause such jumps. A spike is not a jump because the signal returns to the motion.
+    Lost or doubled samples cause such jumps. A spike is not a jump because the signal returns after it.
     """
     x = recording.displacement
     if len(x) < SETTINGS.jump_samples_min:
