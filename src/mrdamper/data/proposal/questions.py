@@ -1,8 +1,8 @@
 """Questions about data that a file does not contain, and the answers of the user.
 
 A question has a role, a topic (unit, column, scale, value, sampling rate, or part of the time), a file,
-and candidates. An answer is ``ROLE.TOPIC=VALUE`` for all files or for the files of a preceding
-pattern: ``force.unit=kN``, ``run_1*:current.value=0.5 A``.
+and candidates for the answer. An answer is ``ROLE.TOPIC=VALUE``. It applies to all files (``force.unit=kN``),
+or to the files that match a pattern before it (``run_1*:current.value=0.5 A``).
 """
 
 from __future__ import annotations
@@ -147,7 +147,7 @@ def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: str) -> Ch
 
 
 def _number(answer: Answer, unit: str) -> float:
-    """Return the number of an answer in a unit (for a scale, per volt or per cent)."""
+    """Return the number of an answer, converted to a unit (a scale: to this unit per volt or per cent)."""
     found = _SCALED.fullmatch(answer.value)
     place = f"answer {answer.role}.{answer.topic}={answer.value}"
     if found is None:

@@ -1,4 +1,4 @@
-"""Temperature logs of a separate slow logger, assigned to runs by date and time of day.
+"""Temperature logs of a separate, slow logger. They are assigned to runs by date and time of day.
 
 A run gets the temperature of a log if exactly one log covers the run. Times are compared only if run and log
 state a date, because a log without a date may be from a different day.
@@ -53,7 +53,7 @@ def join_temperature_logs(
     chosen: ChannelMap,
     answers: Sequence[Answer],
 ) -> tuple[list[tuple[Path, RigFile]], dict[Path, Finding]]:
-    """Return the files with temperatures from logs added, and a finding for each log in ``others``."""
+    """Return the files with added temperatures from logs, and a finding for each log among ``others``."""
     runs = [(path, *pair) for path, file in read for pair in zip(file.recordings, file.starts, strict=True)]
     found: dict[Path, dict[int, FloatArray | None]] = {}
     reasons: dict[Path, str] = {}
@@ -95,7 +95,7 @@ def join_temperature_logs(
 def _read_log(path: Path, chosen: ChannelMap) -> _Log | None:
     """Return the log in a file, None if the file is not a temperature log.
 
-    Raise InputError if the log has no date, or not exactly one temperature of the damper.
+    Raise InputError if the log has no date, no increasing times, or not exactly one damper temperature.
     """
     try:
         table = read_tables(path, chosen.file)[0]
@@ -165,7 +165,7 @@ def _temperature_of(run: Run, log: _Log, runs: Sequence[Run]) -> FloatArray:
 
 
 def _is_covered(time: FloatArray, log: FloatArray) -> bool:
-    """Return True if a log covers the times without a gap, except for one log step at either end."""
+    """Return True if a log has no gap and covers all times, except for one log step at either end."""
     step = float(np.median(np.diff(log)))
     if not (log[0] - step <= time[0] and time[-1] <= log[-1] + step):
         return False
