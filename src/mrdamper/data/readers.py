@@ -29,7 +29,7 @@ from mrdamper.files import MAP_SUFFIX, PathLike, is_file, is_folder
 
 @dataclass(frozen=True, slots=True)
 class UnreadableFile:
-    """An unreadable file and its error. ``questions`` are the items that the user can supply to read it."""
+    """An unreadable file and its error. ``questions`` request the information that is missing in the file."""
 
     path: Path
     fault: InputError
@@ -54,7 +54,7 @@ class ReadFiles:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Return the changes that readers made to the runs, and the files without a run."""
+        """Return the findings on changes that readers made to runs, and on documents and other files."""
         return (*(finding for _, file in self.files for finding in file.findings), *self.beside)
 
     @property
@@ -68,14 +68,14 @@ class ReadFiles:
         return tuple(question for file in self.unreadable for question in file.questions)
 
     def fault(self) -> InputError | None:
-        """Return an error with the faults and questions of all unreadable files, None if there are none."""
+        """Return an error with the faults and questions of unreadable files, None if all are readable."""
         return ask_all([item.fault for item in self.unreadable]) if self.unreadable else None
 
 
 def read_run(path: PathLike, channels: ChannelMap | PathLike | None = None) -> tuple[RigRun, ...]:
-    """Return the runs in one file. A file of a data logger contains several runs.
+    """Return the runs in one file. A file of a data logger can contain several runs.
 
-    A run has the name of its file, with its command if the file contains several runs.
+    A run has the name of its file. The command is added to the name if the file contains several runs.
 
     Raise InputError if the file is not readable, a column or a unit is missing, or a run has faults.
     """
@@ -91,9 +91,9 @@ def read_file(
 ) -> RigFile:
     """Return the unchecked recordings in one file, and the interpretation of the file.
 
-    If ``channels`` is None, the map next to the file (``map_beside``) is used. If there is no such map, the
-    headers decide. Raise AskingError with questions if information is missing, InputError if the file is not
-    readable.
+    If ``channels`` is None, the map next to the file (``map_beside``) is used. If there is no such map, only
+    the headers state the columns. Raise AskingError with questions if information is missing, InputError if
+    the file is not readable.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def read_each(
 
 
 def _move_to_archive(fault: MrdamperError, space: str) -> None:
-    """Replace the path of an unpacked file with its path in the archive."""
+    """Replace the path of an unpacked file in an error with its path in the archive."""
     for item in fault.faults:
         _move_to_archive(item, space)
     fault.move_to(fault.place.replace(f"{space}/", ""))
@@ -154,7 +154,7 @@ def _read_all(
     }
     documents = read_documents(files, sorted(folders))
     stating = {document.path for document in documents if document.lines} & {*files}
-    if len(stating) == len(files):  # A folder with documents alone has no run.
+    if len(stating) == len(files):  # If all files are documents, they are read for their error messages.
         stating = set()
     for path in (*frames, *(path for path in files if path not in stating)):
         try:
@@ -187,7 +187,7 @@ def _read_all(
     objects = {path.suffix.lower() for path, _ in read} & GENERIC_SUFFIXES
     foreign = {*GENERIC_SUFFIXES} - objects
     ignored = [item for item in unreadable if _is_ignored(item, given | {*frames}, foreign)]
-    if not read and len(ignored) == len(unreadable):  # The errors state why there is no run.
+    if not read and len(ignored) == len(unreadable):  # All errors are reported if there is no run.
         ignored = []
     faulty = tuple(item for item in unreadable if item not in ignored)
     stating_findings = (document.finding for document in documents if document.lines)
