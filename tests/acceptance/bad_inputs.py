@@ -347,7 +347,6 @@ CASES: tuple[Case, ...] = (
     Case("same name twice", twins, r"run name 'run' is used more than once"),
     # Encodings
     Case("UTF-16", raw(GOOD.encode("utf-16") + b"\0"), r"the text is UTF-16 and damaged"),
-    Case("CR line ends", raw(GOOD.replace("\n", "\r").encode()), r"lines end in CR alone"),
     Case("web page", text("<!DOCTYPE html><html><body>Log in</body></html>\n" * 9), r"is a web page or XML"),
     # Columns and units
     Case("no force", header("time_s,displacement_mm,CH1,current_A"), r"no force column; the columns are"),

@@ -87,7 +87,7 @@ def test_row_of_commands_completes_the_names(delimiter):
 # ------------------------------------------------------------------------------------------- texts
 
 
-@pytest.mark.parametrize("ends", ["\n", "\r\n"])
+@pytest.mark.parametrize("ends", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("marked", [True, False])
 @pytest.mark.parametrize("last", [True, False])
 def test_line_ends_lose_no_sample(tmp_path, ends, marked, last):

@@ -113,7 +113,7 @@ def units_in_a_document(folder: Path) -> None:
 
 def one_table_of_all_runs(folder: Path) -> None:
     rows = [f"{k},{line}\n" for k, run in enumerate(RUNS) for line in long(run).splitlines()[1:]]
-    write(folder, "all.csv", "run,time_s,channel,value,unit\n" + "".join(rows))
+    write(folder, "all.csv", "run,timestamp_ms,tag,value,unit\n" + "".join(rows))
 
 
 def mat4(folder: Path) -> None:
@@ -123,15 +123,6 @@ def mat4(folder: Path) -> None:
         names = ("time_s", "rod_position_mm", "rod_force_N", "coil_A")
         values = (*columns(run)[:3], run.command[:1])
         savemat(folder / f"{k}.mat", dict(zip(names, values, strict=True)), format="4")
-
-
-def a_file_for_each_channel(folder: Path) -> None:
-    for k, run in enumerate(RUNS):
-        t, *values = columns(run)
-        for name, unit, value in zip(
-            ("displacement", "force", "current"), ("mm", "N", "A"), values, strict=True
-        ):
-            write(folder, f"run{k}_{name}.csv", f"time_s,{name}_{unit}\n" + table(t, value))
 
 
 def files_of_channels_named_by_current(folder: Path) -> None:
@@ -158,6 +149,51 @@ def files_without_time(folder: Path) -> None:
             write(folder, f"{k}_{head.split()[0]}.txt", text)
 
 
+def runs_in_folders(folder: Path) -> None:
+    lines = (f"Run {k},{current},30\n" for k, current in enumerate(CURRENTS))
+    write(folder, "day/list.csv", "Run,Coil (A),Oil (°C)\n" + "".join(lines))
+    for k, run in enumerate(RUNS):
+        write(folder, f"day/Run {k}/daq.txt", BARE + table(*columns(run)[:3]))
+
+
+def listed_channel_files(folder: Path) -> None:
+    write(folder, "list.csv", "run;oil [°C]\n" + "".join(f"D{k}_a;30\n" for k in range(len(RUNS))))
+    for k, run in enumerate(RUNS):
+        for head, values in zip(("pos [mm]", "load [N]", "coil [A]"), columns(run)[1:], strict=True):
+            text = f"ts_ms;{head}\n" + table(1e3 * run.time, values, sign=";")
+            write(folder, f"D{k}_a_{head.split()[0]}.csv", text)
+
+
+def sheets(folder: Path, *, listed: bool) -> None:
+    """Write a workbook with a sheet for each run, and the list of the runs on a sheet or in a file."""
+    from openpyxl import Workbook
+
+    book = Workbook()
+    lines = [["No.", "Table", "Coil", "Oil"], ["", "", "A", "°C"]]
+    for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
+        sheet = book.create_sheet(f"Test {7 - k}")
+        sheet.append(["Time [s]", "Stroke [mm]", "Load [N]"])
+        for row in zip(*columns(run)[:3], strict=True):
+            sheet.append([float(value) for value in row])
+        lines.append([f"{k + 1}", sheet.title, f"{current}", "30"])
+    for line in lines:
+        book["Sheet"].append(line if listed else ["no list"])
+    book.save(folder / "day.xlsx")
+    if not listed:
+        write(folder, "list.csv", "".join(";".join(line) + "\n" for line in lines))
+
+
+def clocked(run: RigRun, head: str, part: Callable[[float], str]) -> str:
+    """Return a text with a channel table, a clock of whole seconds, and blanks after the signs."""
+    channels = "CH,Signal,Range,Span\nCH1,Stroke,10V,- 50,mm\nCH2,Load,5V,+ 5000,N\nCH3,Coil,1V,+ 5,A\nData\n"
+    rows = (
+        f"2026/03/12 10:21:{10 + int(t + 1e-9)},{part(t)}"
+        + ",".join(f"{'+-'[int(v < 0)]}   {abs(v):.6f}" for v in row)
+        for t, *row in zip(*columns(run), strict=True)
+    )
+    return channels + head + "\n".join(rows) + "\n"
+
+
 def blocks_on_a_sheet(folder: Path) -> None:
     from openpyxl import Workbook
 
@@ -173,9 +209,9 @@ def blocks_on_a_sheet(folder: Path) -> None:
 
 
 def long(run: RigRun) -> str:
-    names = (("Displacement", "mm"), ("Force", "N"), ("Current", "A"))
-    return "time_s,channel,value,unit\n" + "".join(
-        f"{t:.6f},{name},{value:.6f},{unit}\n"
+    names = (("rod_position", "mm"), ("Force", "N"), ("coil", "A"))
+    return "timestamp_ms,tag,value,unit\n" + "".join(
+        f"{1e3 * t:.3f},{name},{value:.6f},{unit}\n"
         for t, *values in zip(*columns(run), strict=True)
         for (name, unit), value in zip(names, values, strict=True)
     )
@@ -213,8 +249,8 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
     ),
     "row_for_each_property": each(
         lambda run: (
-            '"TraceName","Stroke","Load","Coil"\n"VUnit","mm","N","A"\n"SampleRate",200.0,200.0,200.0\n'
-            '"HResolution",5.0E-03,5.0E-03,5.0E-03\n"HUnit","s","s","s"\n'
+            '"descriptor","Stroke, rod","Load","Coil"\n"VUnit","mm","N","A"\n"SampleRate",200.0,200.0,200.0\n'
+            '"HResolution",5.0E-03,5.0E-03,5.0E-03\n"HUnit","s","s","s"\n"values"\n'
             + "".join("," + line + "\n" for line in table(*columns(run)[1:]).splitlines())
         )
     ),
@@ -274,18 +310,9 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
             + table(*columns(run)[1:], sign=";")
         )
     ),
-    "files_of_channels": a_file_for_each_channel,
     "files_of_channels_named_by_current": files_of_channels_named_by_current,
     "folders_of_channels": a_folder_for_each_run,
     "files_of_one_column": files_without_time,
-    "channels_in_rows": each(
-        lambda run: "".join(
-            name + ";" + ";".join(f"{v:.6f}" for v in values) + "\n"
-            for name, values in zip(
-                ("Time [s]", "Displacement [mm]", "Force [N]", "Current [A]"), columns(run), strict=True
-            )
-        )
-    ),
     "blocks_on_a_sheet": blocks_on_a_sheet,
     "time_for_each": each(
         lambda run: (
@@ -334,8 +361,8 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
     ),
     "per_cent_of_a_range": each(
         lambda run: (
-            "Range displacement: 50 mm\nRange force: 5 kN\nRange current: 2 A\n"
-            "time [s];displacement [%];force [%];current [%]\n"
+            "Stroke: 100 % = 50 mm\nRange force: 5 kN\nCurrent: 100 % = 2 A\n"
+            "time [s];Stroke (%);force [%];current [%]\n"
             + table(run.time, 2e3 * run.displacement, run.force / 50, 50 * run.command, sign=";", form="%.9f")
         )
     ),
@@ -348,20 +375,6 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
     ),
     "coarse_clock_with_interval": each(
         lambda run: clocked(run, "Sampling interval,5ms\nDate,CH1,CH2,CH3\n,mm,N,A\n", lambda _: "")
-    ),
-    "label_before_the_properties": each(
-        lambda run: (
-            '"sample interval","5 ms"\n"variable","Stroke, rod","Load, cell","Coil"\n'
-            '"unit","mm","N","A"\n"values"\n'
-            + "".join("," + line + "\n" for line in table(*columns(run)[1:]).splitlines())
-        )
-    ),
-    "per_cent_with_its_range": each(
-        lambda run: (
-            f"Coil: {run.command[0]} A\nStroke: 100 % = 50 mm\nForce: 100 % = 5 kN\n"
-            "Time (s);Stroke (%);Force (%)\n"
-            + table(run.time, 2e3 * run.displacement, run.force / 50, sign=";", form="%.9f")
-        )
     ),
     "waves": each(
         lambda run: (
@@ -405,83 +418,11 @@ WARM: dict[str, Callable[[Path], None]] = {
         ),
         "run{}.lvm",
     ),
-    "sheet_for_each_run": lambda folder: sheets(folder, listed=True),
+    "list_on_a_sheet": lambda folder: sheets(folder, listed=True),
     "list_of_sheets_in_a_file": lambda folder: sheets(folder, listed=False),
-    "list_of_folders": lambda folder: [
-        write(
-            folder,
-            "day/list.csv",
-            "Run,Coil (A),Oil (°C)\n" + "".join(f"Run {k},{i},30\n" for k, i in enumerate(CURRENTS)),
-        ),
-        *(
-            write(folder, f"day/Run {k}/daq.txt", BARE + table(*columns(run)[:3]))
-            for k, run in enumerate(RUNS)
-        ),
-    ],
-    "list_of_channel_files": lambda folder: [
-        write(
-            folder,
-            "list.csv",
-            "run;oil temperature [°C]\n" + "".join(f"D{k}_a;30\n" for k in range(len(RUNS))),
-        ),
-        *(
-            write(
-                folder,
-                f"D{k}_a_{name}.csv",
-                f"ts_ms;{name} [{unit}]\n" + table(1e3 * run.time, values, sign=";"),
-            )
-            for k, run in enumerate(RUNS)
-            for name, unit, values in zip(
-                ("pos", "load", "coil"), ("mm", "N", "A"), columns(run)[1:], strict=True
-            )
-        ),
-    ],
-    "long_with_names_of_places": each(
-        lambda run: (
-            "timestamp_ms,tag,unit,value\n"
-            + "".join(
-                f"{1e3 * t:.3f},{name},{unit},{value:.6f}\n"
-                for t, *values in zip(*columns(run), np.full(N, 30.0), strict=True)
-                for name, unit, value in zip(
-                    ("rod_position", "rod_force", "coil", "oil_temp"),
-                    ("mm", "N", "A", "°C"),
-                    values,
-                    strict=True,
-                )
-            )
-        )
-    ),
+    "list_of_folders": runs_in_folders,
+    "list_of_channel_files": listed_channel_files,
 }
-
-
-def sheets(folder: Path, *, listed: bool) -> None:
-    """Write a workbook with a sheet for each run, and the list of the runs on a sheet or in a file."""
-    from openpyxl import Workbook
-
-    book = Workbook()
-    rows = [["No.", "Table", "Coil", "Oil"], ["", "", "A", "°C"]]
-    for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
-        sheet = book.create_sheet(f"Test {7 - k}")
-        sheet.append(["Time [s]", "Stroke [mm]", "Load [N]"])
-        for row in zip(*columns(run)[:3], strict=True):
-            sheet.append([float(value) for value in row])
-        rows.append([f"{k + 1}", sheet.title, f"{current}", "30"])
-    for row in rows:
-        book["Sheet"].append(row if listed else ["no list"])
-    book.save(folder / "day.xlsx")
-    if not listed:
-        write(folder, "list.csv", "".join(";".join(row) + "\n" for row in rows))
-
-
-def clocked(run: RigRun, head: str, part: Callable[[float], str]) -> str:
-    """Return a text with a channel table, a clock of whole seconds, and blanks after the signs."""
-    channels = "CH,Signal,Range,Span\nCH1,Stroke,10V,- 50,mm\nCH2,Load,5V,+ 5000,N\nCH3,Coil,1V,+ 5,A\nData\n"
-    rows = (
-        f"2026/03/12 10:21:{10 + int(t + 1e-9)},{part(t)}"
-        + ",".join(f"{'+-'[int(v < 0)]}   {abs(v):.6f}" for v in row)
-        for t, *row in zip(*columns(run), strict=True)
-    )
-    return channels + head + "\n".join(rows) + "\n"
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
@@ -595,6 +536,22 @@ def test_archived_run_states_archive_and_file(tmp_path):
     (tmp_path / "day.zip").write_bytes((tmp_path / "day.zip").read_bytes()[:5000])
     with pytest.raises(InputError, match="damaged"):
         read_each(tmp_path)
+
+
+def test_question_names_sheet_and_path_in_archive(tmp_path):
+    """An answer may name the folder of a run because files in several folders have one name."""
+    sheets(tmp_path, listed=False)
+    with pytest.raises(AskingError, match=r"day\.xlsx, sheet 'Test 7': no current"):
+        read_runs(tmp_path / "day.xlsx")
+    with zipfile.ZipFile(tmp_path / "all.zip", "w") as file:
+        for k, run in enumerate(RUNS):
+            file.writestr(f"Run {k}/daq.txt", BARE + table(*columns(run)[:3]))
+    with pytest.raises(AskingError, match="no current") as fault:
+        read_runs(tmp_path / "all.zip")
+    places = [question.file for question in fault.value.questions]
+    assert places == [f"{tmp_path.parent.name}/{tmp_path.name}/all.zip/Run {k}/daq.txt" for k in range(3)]
+    answers = parse_answers([f"Run {k}/*:current.value={i} A" for k, i in enumerate(CURRENTS)])
+    assert_read(read_runs(tmp_path / "all.zip", answers=answers))
 
 
 def test_unrelated_files_are_listed(tmp_path):

@@ -17,13 +17,21 @@ from mrdamper.data.frames import Frame
 from mrdamper.data.proposal.channel_files import join_channel_files
 from mrdamper.data.proposal.documents import read_documents, with_lists
 from mrdamper.data.proposal.folders import GENERIC_SUFFIXES, distinct_names, find_files
-from mrdamper.data.proposal.questions import Answer, AskingError, NoRunError, Question, ask_all, with_answers
+from mrdamper.data.proposal.questions import (
+    Answer,
+    AskingError,
+    NoRunError,
+    Question,
+    ask_all,
+    relocate,
+    with_answers,
+)
 from mrdamper.data.proposal.recordings import RigFile, runs_in
 from mrdamper.data.proposal.temperature_logs import join_temperature_logs
 from mrdamper.data.records import Dataset, Recording, RigRun
 from mrdamper.data.tables import read_tables
 from mrdamper.data.words.labels import Place
-from mrdamper.errors import InputError, MrdamperError
+from mrdamper.errors import InputError
 from mrdamper.files import MAP_SUFFIX, PathLike, is_file, is_folder
 
 
@@ -103,7 +111,7 @@ def read_file(
     file = Path(path)
     if is_folder(file):
         raise InputError(place=file, found="is a folder", expected="a file (read_runs takes folders)")
-    chosen = with_answers(load_map(map_beside(file) if channels is None else channels), answers, file.name)
+    chosen = with_answers(load_map(map_beside(file) if channels is None else channels), answers, file)
     tables = with_lists(read_tables(file, chosen.file), () if stated else notes)
     return runs_in(tables, chosen, file, stated=stated, notes=notes)
 
@@ -123,15 +131,8 @@ def read_each(
     with TemporaryDirectory(prefix="mrdamper-") as space:
         read = _read_all(paths, channels, answers, Path(space))
         for file in read.unreadable:
-            _move_to_archive(file.fault, space)
+            relocate(file.fault, f"{space}/", "")  # An unpacked file has its path in the archive.
         return read
-
-
-def _move_to_archive(fault: MrdamperError, space: str) -> None:
-    """Replace the path of an unpacked file in an error with its path in the archive."""
-    for item in fault.faults:
-        _move_to_archive(item, space)
-    fault.move_to(fault.place.replace(f"{space}/", ""))
 
 
 def _read_all(
@@ -159,7 +160,7 @@ def _read_all(
     for path in (*frames, *(path for path in files if path not in stating)):
         try:
             if path in frames:
-                read.append((path, frames[path].read(with_answers(load_map(chosen), answers, path.name))))
+                read.append((path, frames[path].read(with_answers(load_map(chosen), answers, path))))
             else:
                 stated = [place for document in documents for place in document.places(path)]
                 notes = [
@@ -167,10 +168,11 @@ def _read_all(
                 ]
                 read.append((path, read_file(path, chosen, answers, stated, notes)))
         except InputError as error:
+            if path.is_relative_to(space) or [each.name for each in files].count(path.name) > 1:
+                relocate(error, path.name, f"{path}")
             unreadable.append(UnreadableFile(path, error))
-    joined, members = join_channel_files(
-        [item.path for item in unreadable], load_map(chosen), answers, documents
-    )
+    unread = [item.path for item in unreadable]
+    joined, members = join_channel_files(unread, load_map(chosen), answers, documents)
     warmed, logs = join_temperature_logs(
         [*read, *joined],
         [item.path for item in unreadable if item.path not in members],
@@ -181,18 +183,24 @@ def _read_all(
     read = []
     for path, file in _with_distinct_names(warmed):
         kept = [replace(item, source=item.source.replace(f"{space}/", "")) for item in file.recordings]
-        shown = path.relative_to(space) if path.is_relative_to(space) else path
-        read.append((shown, replace(file, recordings=tuple(kept))))
+        read.append((_outside(path, space), replace(file, recordings=tuple(kept))))
     runs = tuple(recording for _, file in read for recording in file.recordings)
     objects = {path.suffix.lower() for path, _ in read} & GENERIC_SUFFIXES
     foreign = {*GENERIC_SUFFIXES} - objects
     ignored = [item for item in unreadable if _is_ignored(item, given | {*frames}, foreign)]
     if not read and len(ignored) == len(unreadable):  # All errors are reported if there is no run.
         ignored = []
-    faulty = tuple(item for item in unreadable if item not in ignored)
+    faulty = tuple(
+        replace(each, path=_outside(each.path, space)) for each in unreadable if each not in ignored
+    )
     stating_findings = (document.finding for document in documents if document.lines)
     folder_findings = (*stating_findings, *logs.values(), *map(_no_run_finding, ignored))
     return ReadFiles(tuple(read), faulty, runs, folder_findings)
+
+
+def _outside(path: Path, space: Path) -> Path:
+    """Return the path for messages. The path of an unpacked file begins with the folder of its archive."""
+    return path.relative_to(space) if path.is_relative_to(space) else path
 
 
 def _is_ignored(file: UnreadableFile, given: set[Path], foreign: set[str]) -> bool:

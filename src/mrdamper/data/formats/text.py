@@ -142,7 +142,11 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
     notes, header, above = layout.notes, found.header, [line for line in found.above if line.strip()]
     # The lines about the file come first. The first block has as many lines of its own as later blocks.
     count = len(above) - max((len(block.above) for block in long[1:]), default=len(above))
-    about_file = {*statements(above[: max(count, 0)], layout.delimiter)}
+    shared = above[: max(count, 0)]
+    about_file = {*statements(shared, layout.delimiter)}
+    # A command directly above the names, without a blank line, may apply only to the first block.
+    near = [line for line in statements(shared[-1:], layout.delimiter) if labels_in(line, "current")]
+    is_near = bool(near) and all(map(str.strip, found.above[found.above.index(shared[-1]) :]))
     stated: list[str] = []
     if trailer:
         notes += (f"{len(trailer)} line{'s' if len(trailer) > 1 else ''} of words below the rows",)
@@ -161,7 +165,8 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
             is_bare = not own.named and len(own.names) == len(header.names)
             header = replace(header, said=own.said) if is_bare else own
         rows = replace(layout, header_lines=block.first_line, notes=notes)
-        inherited = (line for line in stated if not _is_restated(line, header.said))
+        own_lines = header.said or (near if is_near else ())
+        inherited = (line for line in stated if not _is_restated(line, own_lines))
         whole = replace(header, said=(*inherited, *header.said))
         tables.append(_table(path, replace(found, start=block.start, header=whole, layout=rows), block.stop))
     return tables
@@ -169,8 +174,7 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
 
 def _is_restated(line: str, own: Sequence[str]) -> bool:
     """Return True if the lines ``own`` of a block state a quantity of ``line``, which is about the file."""
-    roles = [role for role in CONDITIONS if labels_in(line, role)]
-    return any(labels_in(each, role) for role in roles for each in own)
+    return any(labels_in(line, role) and labels_in(each, role) for role in CONDITIONS for each in own)
 
 
 def _look(path: TextSource, options: FileOptions) -> _Found | Table:
@@ -222,10 +226,6 @@ def read_head(path: TextSource) -> Head:
         )
     if re.match(rb"\s*<(!doctype|html|\?xml)", content[:64], re.IGNORECASE):
         raise InputError(place=f"{path}", found="is a web page or XML", remedy="Download the file itself")
-    if b"\n" not in content and content.count(b"\r") > 1:
-        raise InputError(
-            place=f"{path}", found="lines end in CR alone, as on old Macs", remedy="Save it with such lines"
-        )
     end = rb"\n|(?<!\n)\Z" if len(content) < _HEAD_BYTES else rb"\n"  # The last line may have no line end.
     edges = [0, *(match.end() for match in re.finditer(end, content))][: SETTINGS.header_lines_max + 1]
     if edges == [0]:
@@ -236,7 +236,7 @@ def read_head(path: TextSource) -> Head:
     if content.startswith(b"\xef\xbb\xbf"):
         edges[0] = 3
     lines = tuple(content[a:b].decode(encoding).rstrip("\r\n") for a, b in itertools.pairwise(edges))
-    notes = ("read from UTF-16",) if wide else READ_AS.get(encoding, ())
+    notes = ("read from UTF-16, or from lines that end in CR",) if wide else READ_AS.get(encoding, ())
     return Head(lines, tuple(edges), notes, encoding)
 
 

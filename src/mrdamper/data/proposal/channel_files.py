@@ -54,7 +54,7 @@ def join_channel_files(
             own = {path for path, *_ in group.values()}
             stated = {each: None for document in documents for path in own for each in document.places(path)}
             with suppress(InputError):
-                chosen_now = with_answers(chosen, answers, name)
+                chosen_now = with_answers(chosen, answers, place)
                 joined.append((place, runs_in((table,), chosen_now, place, name=name, stated=[*stated])))
                 members |= own
     return joined, members

@@ -17,7 +17,7 @@ from mrdamper.data.finding import Finding
 from mrdamper.data.formats.excel import ZIP_SIGNATURE, sheet_lines
 from mrdamper.data.formats.lines.cells import is_number
 from mrdamper.data.formats.lines.encodings import encoding_of, open_text_bytes
-from mrdamper.data.formats.lines.header import DELIMITERS, holds_samples, split_line, with_unit
+from mrdamper.data.formats.lines.header import DELIMITERS, holds_samples, line_of, split_line, with_unit
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Table
 from mrdamper.data.formats.text import is_text
@@ -81,21 +81,22 @@ class _Files:
     def __init__(self, files: Sequence[Path], root: Path) -> None:
         owners: dict[str, dict[Path, list[Path]]] = {}
         for path in files:
-            above = [folder for folder in path.parents if root in folder.parents]
-            for name in {path.stem, path.name, strip_channel(path.stem)} - {""}:
-                owners.setdefault(name.lower(), {}).setdefault(path.parent, []).append(path)
-            for folder in above:
-                owners.setdefault(folder.name.lower(), {}).setdefault(folder, []).append(path)
+            names = dict.fromkeys((path.stem, path.name, strip_channel(path.stem)), path.parent)
+            names |= {folder.name: folder for folder in path.parents if root in folder.parents}
+            for name, owner in names.items():
+                owners.setdefault(name.lower(), {}).setdefault(owner, []).append(path)
+        owners.pop("", None)
         # Equal names in different folders are ambiguous.
         self.names = {name: tuple(*found.values()) for name, found in owners.items() if len(found) == 1}
         # Files by the last number in the name of the run or folder, if all these numbers are different.
         self.numbers: dict[int, tuple[Path, ...]] = {}
-        for level in (0, 1):
+        for keys in (
+            [path.parent / strip_channel(path.stem) for path in files],
+            [path.parent for path in files],
+        ):
             groups: dict[Path, list[Path]] = {}
-            for path in files:
-                groups.setdefault([path.parent / strip_channel(path.stem), path.parent][level], []).append(
-                    path
-                )
+            for key, path in zip(keys, files, strict=True):
+                groups.setdefault(key, []).append(path)
             last = {group: re.findall(r"\d{1,9}", group.name) for group in groups}
             numbers = {int(found[-1]): tuple(groups[group]) for group, found in last.items() if found}
             if not self.numbers and len(numbers) == len(groups) > 1:
@@ -208,11 +209,12 @@ def _lines_by_file(
     names_a_file = bool(known.numbers) or any(name in text for name in known.names)
     if is_run and path.suffix.lower() != ".json" and not names_a_file:
         return {}  # The file is a run that names no other file.
-    if len(files) == 1 and not is_run and _SETTINGS.search(path.stem):
-        return {files[0]: [with_unit(line) for line in lines]}
     own = [file for file in files if file.stem == path.stem]
-    if (own and not is_run) or (own and path.suffix.lower() == ".json"):
-        return {own[0]: [with_unit(line) for line in lines]}
+    own = own if not is_run or path.suffix.lower() == ".json" else []
+    if len(files) == 1 and not is_run and _SETTINGS.search(path.stem):
+        own = [*files]
+    if own:
+        return {own[0]: [with_unit(line_of(re.split("[\t;]", line))) for line in lines]}
     found: dict[Path, list[str]] = {}
     now: tuple[Path, ...] = ()  # The following entries describe these files.
     header: list[str] = []

@@ -11,10 +11,11 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from fnmatch import fnmatchcase
+from pathlib import PurePath
 from typing import Any, Literal, get_args
 
 from mrdamper.data.channels import Channel, ChannelMap
-from mrdamper.errors import InputError
+from mrdamper.errors import InputError, MrdamperError
 from mrdamper.quantities import QUANTITIES, to_si
 from mrdamper.schema import unknown_name
 
@@ -51,7 +52,13 @@ class AskingError(InputError):
 
     def __init__(self, found: str = "", *, questions: Sequence[Question] = (), **parts: Any) -> None:  # noqa: ANN401 - the base's
         super().__init__(found, **parts)
-        self.questions = tuple(questions)
+        self._questions = tuple(questions)
+
+    @property
+    def questions(self) -> tuple[Question, ...]:
+        """Return the questions of this error and of its faults, each with the place of its error."""
+        inner = (each for fault in self.faults if isinstance(fault, AskingError) for each in fault.questions)
+        return (*(replace(question, file=self.place) for question in self._questions), *inner)
 
 
 class NoRunError(AskingError):
@@ -78,8 +85,16 @@ def ask_all(faults: Sequence[InputError]) -> InputError:
     """Return one error that combines the questions of several errors."""
     if len(faults) == 1:
         return faults[0]
-    asked = [question for fault in faults if isinstance(fault, AskingError) for question in fault.questions]
-    return AskingError(faults=faults, questions=asked) if asked else InputError(faults=faults)
+    are_questions = any(isinstance(fault, AskingError) for fault in faults)
+    return AskingError(faults=faults) if are_questions else InputError(faults=faults)
+
+
+def relocate(fault: MrdamperError, name: str, shown: str) -> None:
+    """Replace ``name`` with ``shown`` at the beginning of the places of an error and its faults."""
+    for item in fault.faults:
+        relocate(item, name, shown)
+    if fault.place.startswith(name) or not fault.place:
+        fault.move_to(fault.place.replace(name, shown, 1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,12 +131,15 @@ def parse_answers(given: Sequence[str]) -> tuple[Answer, ...]:
     return tuple(answers)
 
 
-def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: str) -> ChannelMap:
+def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: PurePath) -> ChannelMap:
     """Return a channel map that includes the answers for a file."""
     channels, constant, rate = dict(chosen.channels), dict(chosen.constant), chosen.rate_Hz
     file_options = chosen.file
     for answer in answers:
-        if not fnmatchcase(file, answer.files):
+        # A pattern is compared with the name of the file, and with the last parts of its path.
+        if not (
+            fnmatchcase(file.name, answer.files) or fnmatchcase(f"/{file.as_posix()}", f"*/{answer.files}")
+        ):
             continue
         channel = channels.get(answer.role) or Channel(answer.role)
         if answer.topic == "unit":

@@ -44,7 +44,7 @@ from mrdamper.data.proposal.pieces import (
     run_edges,
     without_repeated_end,
 )
-from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all
+from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all, relocate
 from mrdamper.data.proposal.roles import find_columns, skipped_columns, wide_columns
 from mrdamper.data.proposal.side_by_side import side_by_side, wide_of_long
 from mrdamper.data.records import CHANNELS, LEAST_SAMPLES, Recording
@@ -115,17 +115,17 @@ def runs_in(
         try:
             parts.append(_part_of(table, own, file, stated))
         except InputError as fault:
+            if len(tables) > 1 and table.title:
+                part = "sheet" if table.layout.format == "Excel file" else "part"
+                relocate(fault, file.name, f"{file.name}, {part} {table.title!r}")
             if len(tables) == 1 or not _is_other_kind(table, tables):
                 faults.append(fault)
     if faults or not parts:
         error = ask_all(faults) if faults else InputError(place=file.name, found="no table holds a run")
         is_foreign = file.suffix.lower() not in format_suffixes() - GENERIC_SUFFIXES
-        if (
-            isinstance(error, AskingError)
-            and not parts
-            and not any(_may_be_run(each, is_foreign=is_foreign) for each in tables)
-        ):
-            raise NoRunError(faults=[error], questions=error.questions)
+        may_be_run = bool(parts) or any(_may_be_run(each, is_foreign=is_foreign) for each in tables)
+        if isinstance(error, AskingError) and not may_be_run:
+            raise NoRunError(faults=[error])
         raise error
     layout = tables[0].layout
     remarks = tuple(dict.fromkeys(note for part in parts for note in part.notes))

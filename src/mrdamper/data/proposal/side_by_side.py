@@ -73,13 +73,8 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
         if 2 <= len(kind) <= SETTINGS.table_columns_max
         and len({role for role in QUANTITIES if any(_means(name or "", role) for name in kind)}) > 1
     ]
-    times = [
-        name
-        for name in table.columns
-        if (parse_header(name) or ("",))[0] == "time"
-        or "time" in roles_of_unit(word_and_unit(name)[1])
-        or name in table.stamps
-    ]
+    of_time = {name for name in table.columns if "time" in roles_of_unit(word_and_unit(name)[1])}
+    times = [name for name in table.columns if _means(name, "time") or name in {*of_time, *table.stamps}]
     if len(named) != 1 or len(times) != 1:
         return (table,)
     values = [name for name in table.columns if name not in times and not _is_counter(table.columns[name])]

@@ -61,7 +61,7 @@ def join_temperature_logs(
         below = [run for run, (file, *_) in enumerate(runs) if path.parent in file.parents]
         beside = [run for run, (file, *_) in enumerate(runs) if path.parent.parent in file.parents]
         try:
-            log = _read_log(path, with_answers(chosen, answers, path.name))
+            log = _read_log(path, with_answers(chosen, answers, path))
         except InputError as fault:
             found[path], reasons[path] = {}, fault.found
             continue

@@ -104,10 +104,9 @@ def legend_in(line: str) -> list[tuple[int | None, str, str]]:
 
 def _means(word: str, roles: Sequence[str]) -> bool:
     """Return True if a word means one of the roles: ``coil current_A`` is a current, ``sensor_A`` is not."""
-    is_coil = "current" in roles and _COIL.search(_split_words(word)) is not None
-    return is_coil or any(
-        word.upper() == QUANTITIES[role].symbol.upper() or speaks_of(word, role) for role in roles
-    )
+    if "current" in roles and _COIL.search(_split_words(word)):
+        return True
+    return any(word.upper() == QUANTITIES[role].symbol.upper() or speaks_of(word, role) for role in roles)
 
 
 def speaks_of(word: str, role: str) -> bool:
@@ -191,12 +190,9 @@ def parse_header(header: str) -> tuple[str, str] | None:
 def strip_channel(stem: str) -> str:
     """Return the name of a file without its channel words, such as ``force``, ``F`` or ``coil``."""
     words = re.split(r"(?:[^\w.,]|_|(?<!\d)[.,]|[.,](?!\d))+", stem)  # "0.5A" is one word.
-    symbols = {quantity.symbol for quantity in QUANTITIES.values()}
-    return "_".join(
-        word
-        for word in words
-        if word and not (parse_header(word) or word in symbols or _COIL.fullmatch(word.lower()))
-    )
+    symbols = {quantity.symbol for quantity in QUANTITIES.values()} | {""}
+    channels = {word for word in words if parse_header(word) or _COIL.fullmatch(word.lower())} | symbols
+    return "_".join(word for word in words if word not in channels)
 
 
 def is_unit_beside(text: str, role: str) -> bool:

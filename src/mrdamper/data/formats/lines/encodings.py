@@ -70,27 +70,30 @@ def size_of(source: TextSource) -> int:
 
 
 def open_text_bytes(source: TextSource) -> BinaryIO:
-    """Open a text for reading as bytes. UTF-16 is converted to UTF-8.
+    """Open a text for reading as bytes. UTF-16 is converted to UTF-8, and line ends of CR alone to LF.
 
-    Raise InputError if a text in UTF-16 is damaged, or larger than 256 MB.
+    Raise InputError if a text in UTF-16 is damaged, or if a text to convert is larger than 256 MB.
     """
     if isinstance(source, TextInMemory):
         return io.BytesIO(source.content)
     stream = source.open("rb")
-    wide = utf16_of(stream.read(512))
+    head = stream.read(1 << 16)
     stream.seek(0)
-    if not wide:
+    wide = utf16_of(head[:512])
+    if not wide and (b"\n" in head or head.count(b"\r") < 2):
         return stream
     stream.close()
     if size_of(source) > SETTINGS.whole_file_max_bytes:
-        found = f"the text is UTF-16 of more than {SETTINGS.whole_file_max_bytes >> 20} MB"
-        raise InputError(place=source, found=found, remedy="Save the file as UTF-8")
+        size = f"more than {SETTINGS.whole_file_max_bytes >> 20} MB"
+        found = f"the text is UTF-16 or has line ends of CR, and {size}"
+        raise InputError(place=source, found=found, remedy="Save the file as UTF-8 with line ends of LF")
     try:
-        return io.BytesIO(source.read_bytes().decode(wide).encode())
+        content = source.read_bytes().decode(wide).encode() if wide else source.read_bytes()
     except UnicodeError as error:
         raise InputError(
             place=source, found=f"the text is UTF-16 and damaged ({error})", remedy="Save the file as UTF-8"
         ) from error
+    return io.BytesIO(content if b"\n" in content else content.replace(b"\r", b"\n"))
 
 
 def encoding_of(path: TextSource, content: bytes) -> str:

@@ -242,13 +242,14 @@ def _names_in_comment(text: str, count: int) -> list[str]:
 def statements(lines: Sequence[str], delimiter: str) -> tuple[str, ...]:
     """Return the lines above a table that are not empty, with cells separated by blanks."""
     cells = [split_line(_COMMENT.sub("", line), delimiter) for line in lines]
-    joined = [_entry_of([*filter(None, fields)]) for fields in cells]
+    joined = [line_of(fields) for fields in cells]
     said = [with_unit(line[: SETTINGS.note_length_max]) for line in joined if line]
     return (*said, *_results(cells))[-SETTINGS.note_lines_max :]
 
 
-def _entry_of(cells: Sequence[str]) -> str:
+def line_of(row: Sequence[str]) -> str:
     """Return the cells of a row as a line. A name, a unit and a number are written as ``name: 0.5 A``."""
+    cells = [cell.strip() for cell in row if cell.strip()]
     numbers = [cell for cell in cells if is_number(cell)]
     words = [cell for cell in cells if cell not in numbers]
     units = [cell for cell in words if roles_of_unit(cell)]
