@@ -168,7 +168,7 @@ def recordings_in(paths: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
         for path in paths:
             if len(path) > depth:
                 inside.setdefault(path[:depth], set()).add(path[depth:])
-        # Groups with two or more equal names record the same channels.
+        # Groups with two or more equal channel names record the same channels.
         alike = [
             group
             for group, names in inside.items()

@@ -86,7 +86,7 @@ def read_text(path: TextSource, options: FileOptions) -> Table:
     if _content(path).find(b"\n#", found.start) < 0:  # There are no comments among the rows.
         try:
             table = _table(path, found)
-            if not all(np.isnan(values[-1]) for values in table.columns.values()):  # No words below.
+            if not all(np.isnan(values[-1]) for values in table.columns.values()):  # The last row has data.
                 return table
         except InputError as error:  # An invalid cell may belong to a line of words.
             fault = error
@@ -292,7 +292,7 @@ def _column_blocks(
     *,
     stamps: dict[int, Timestamps],
 ) -> Iterator[list[FloatArray | Texts]]:
-    """Generate the columns of each block. A column has numbers, or texts if its cells in block one are texts.
+    """Generate the columns of each block. The first block decides if a column has numbers or texts.
 
     An invalid cell in a column of numbers is an error. Columns of times of day or dates are converted to
     numbers, and their readers are added to ``stamps``.
@@ -351,7 +351,7 @@ def _blocks(path: TextSource, start: int, stop: int | None, first_line: int) -> 
 
 
 def _parse_numeric_block(content: bytes, layout: Layout, count: int) -> list[FloatArray | Texts] | None:
-    """Return the columns of a block, or None if it is not purely numeric. NumPy is faster than the cells."""
+    """Return the columns of a block, which NumPy parses quickly, or None if a cell is not a number."""
     if not content.strip() or layout.decimal == layout.delimiter:
         return None
     if layout.decimal == ",":

@@ -138,7 +138,7 @@ class _Variables:
         settings: Mapping[str, object],
         line: tuple[int, int] | None = None,
     ) -> None:
-        """Add an array, or a line of a matrix: its axis and index."""
+        """Add an array, or one row or column of a matrix (``line``: its axis and index)."""
         size = values.size if line is None else values.shape[1 - line[0]]
         self.arrays.append(StoredArray(path, size, partial(_read, values, line), unit, settings))
 

@@ -69,7 +69,7 @@ def find_blocks(
 
 
 def _begins_block(cells: Sequence[str], *, is_first: bool) -> bool:
-    """Return True if a row begins a block. A later block begins with a value in its first cell."""
+    """Return True if a row begins a block. The first cell of a later block must be a value."""
     is_value = cells[0] in {"", *MISSING_MARKS} or count_numbers(cells[:1]) > 0 or is_time(cells[0])
     return count_numbers(cells) >= 2 and (is_first or is_value)
 
