@@ -51,6 +51,6 @@ def find_implausible_damper(runs: Sequence[Recording]) -> Iterator[Finding]:
             found=f"the largest {channel} of all runs is {value:.3g} {unit}; published magnetorheological "
             f"dampers have {low:.3g} to {high:.3g} {unit}"
             + (", those of buildings up to 150 kN" if channel == "force" else ""),
-            effect="With a wrong unit every coefficient is wrong by its factor, and the fit looks as good",
+            effect="A wrong unit makes all coefficients wrong by its factor, but the fit looks as good",
             remedy=f"Compare the unit with the data sheet ({_HINTS[channel]}?); nothing was changed",
         )

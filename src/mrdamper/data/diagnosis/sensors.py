@@ -71,7 +71,7 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
             if b - a < least:
                 break
             if max(steps[a], steps[b + 1]) <= near:
-                continue  # The motion is slow, so that the converter does not change its value.
+                continue  # The motion is so slow that the converter's output is constant.
             # The force may relax at rest.
             share = SETTINGS.stuck_motion_ratio_min if role == "force" else 0.5
             if np.ptp(other[a : b + 1]) < share * moved:
@@ -87,7 +87,7 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
                 found=f"{role} keeps {values[a]:.5g} {QUANTITIES[role].unit} from "
                 f"{recording.time[a]:.4g} s to {recording.time[b]:.4g} s while the other channel goes "
                 "on: a stuck sensor or a lost connection",
-                effect="The loop has a segment that no law can follow, and all coefficients bend towards it",
+                effect="The loop has a segment that no law can follow, and all coefficients become biased",
                 remedy="Cut the run before that place (from_s, to_s of the preparation), or record it again",
             )
             break

@@ -20,7 +20,7 @@ class DiagnosisSettings:
     same_damper_force_ratio_max: float = 0.15  # relative difference of force ranges at equal conditions
     same_temperature_tolerance_K: float = 3.0
     reversal_stroke_ratio_min: float = 0.2  # motion after a reversal / stroke
-    reversal_fit_sample_count: int = 4  # samples on each side to which the time of a reversal is fitted
+    reversal_fit_sample_count: int = 4  # samples on each side of a reversal that determine its time
     half_cycle_ratio_max: float = 0.2  # relative difference of the half-cycle durations of a periodic motion
     force_delay_max_s: float = 0.010
     force_delay_min_s: float = -0.002  # negative: the force may lead by this time
@@ -52,7 +52,7 @@ class DiagnosisSettings:
     cycle_samples_fault_max: float = 20.0  # A run with at most this number of samples has a fault.
     fast_reversal_stroke_ratio_min: float = 0.3  # motion after a reversal / range of displacement
     force_noise_max_percent: float = 5.0  # white noise / standard deviation of the force
-    cycle_deviation_max_percent: float = 5.0  # deviation from the mean cycle / spread of the force
+    cycle_deviation_max_percent: float = 5.0  # deviation from mean cycle / standard deviation of force
     line_force_ratio_min: float = 0.03  # rms of a spectral line / standard deviation of the force
     line_power_ratio_min: float = 0.5  # power of the line / power of the deviation from the mean cycle
     # Min distance of a spectral line from a harmonic in bins of the spectrum. After conversion to harmonic

@@ -13,7 +13,7 @@ from mrdamper.data.records import Recording
 
 
 def find_lost_samples(recording: Recording) -> Iterator[Finding]:
-    """Generate a finding if time steps are longer than 1.5 median steps, because samples were lost."""
+    """Generate a finding on lost samples: time steps longer than 1.5 times the median time step."""
     steps = np.diff(recording.time)
     usual = float(np.median(steps))
     lost = np.flatnonzero(steps > SETTINGS.lost_step_ratio_min * usual)
@@ -69,6 +69,6 @@ def find_phase_jumps(recording: Recording) -> Iterator[Finding]:
         found=f"the displacement jumps at {len(places)} place{'s' if len(places) > 1 else ''} where time "
         f"goes on evenly, the first at {recording.time[places[0]]:.4g} s: about {samples:.0f} samples "
         "are lost or doubled",
-        effect="Velocity there is wrong, and all that follows is shifted against the clock",
+        effect="Velocity there is wrong, and all later samples are shifted in time",
         remedy="Check the load of the recording computer and its buffers; cut the run at these places",
     )
