@@ -292,8 +292,8 @@ def require_one_rate(column: Column, table: Table, place: str) -> None:
             "time",
             "unit",
             place,
-            found=f"column {column.name!r} is in {column.unit}, and a sampling rate above it says otherwise",
-            expected="one and the same",
+            found=f"column {column.name!r} is in {column.unit}, but the sampling rate above it contradicts",
+            expected="a unit that agrees with the sampling rate",
             remedy="Give unit at [channel.time], or rate_Hz at [constant] of the channel map",
             candidates=list(_TICKS),
         )

@@ -75,7 +75,7 @@ def _unit(table: Table, name: str, header: tuple[str, str], place: str) -> str:
     stated = table.units.get(name, "")
     units = [word for word in (of_header, stated) if is_unit(word)]
     if len(units) == 2 and spell_unit(stated, role) != spell_unit(of_header, role):
-        found = f"column {name!r} states {stated!r} as its unit beside the name"
+        found = f"column {name!r} has another unit, {stated!r}, next to its name"
         raise InputError(place=place, found=found, remedy="Correct the file")
     return units[0] if units else of_header
 

@@ -114,9 +114,9 @@ def filled(piece: Piece) -> Piece:
                     channel=role,
                     size=float(len(values) - count),
                     unit="samples",
-                    found=f"{role} stands in {len(values) - count} of {len(values)} rows: interpolated",
-                    effect="What it does between these rows is not known",
-                    remedy="Nothing, where it changes slowly",
+                    found=f"{role} has values in {len(values) - count} of {len(values)} rows: interpolated",
+                    effect="Its changes between these rows are unknown",
+                    remedy="Nothing, if it changes slowly",
                 )
             )
             continue
@@ -198,7 +198,7 @@ def evened(piece: Piece) -> Piece:
         unit="s",
         found=f"time has steps of {resolution:.4g} s and repeats {int((steps == 0.0).sum())} stamps: the "
         f"samples were spread evenly, at {1.0 / slope:.4g} Hz",
-        effect="Samples that came late or early are not known as such",
+        effect="Samples that were taken late or early are not detected",
         remedy="Export the time with more digits",
     )
     return replace(piece, time=even, findings=(*piece.findings, found))
@@ -242,7 +242,7 @@ def cut_at_gaps(piece: Piece) -> Iterator[Piece]:
                 to_s=float(piece.time[first]),
                 found=f"time has a gap of {lost:.4g} s before this piece, where the usual step is "
                 f"{usual:.4g} s: the record is cut there",
-                effect="The state of the hysteresis is lost in a gap: each piece begins anew",
+                effect="The state of the hysteresis is lost in a gap: each piece is a separate run",
                 remedy="Record again without losing samples, if the pieces are short",
             )
             part = replace(part, findings=(*part.findings, found))
@@ -261,7 +261,7 @@ def integrated(piece: Piece) -> Piece:
         kind="velocity_integrated",
         channel="displacement",
         found="there is no displacement: it is the integral of the velocity, without its mean and slope",
-        effect="The place of the loop along the stroke, and slow motion, are lost",
+        effect="The position of the loop along the stroke, and slow motion, are lost",
         remedy="Record the displacement where position matters (gas spring, end stops)",
     )
     channels = {**piece.channels, "displacement": path}

@@ -118,7 +118,7 @@ def parse_answers(given: Sequence[str]) -> tuple[Answer, ...]:
         if found is None:
             raise InputError(
                 place=f"answer {text!r}",
-                found="it has another form",
+                found="its form is not valid",
                 expected="ROLE.TOPIC=VALUE, such as force.unit=kN",
             )
         role, name, value, files = found.group("role", "topic", "value", "files")

@@ -83,7 +83,7 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
 
 
 def _unclear_factor(column: Column, factor: float, place: str) -> InputError:
-    """Return the error for a column to which the factor above the table may already be applied."""
+    """Return the error for a column that may already include the factor above the table."""
     unit = column.unit or QUANTITIES[column.role].unit
     applied, raw = f"1 {unit}", f"{factor:g} {unit}"
     return ask(
@@ -293,7 +293,7 @@ def _scaled(role: str, table: Table, headers: Sequence[Header]) -> Column | None
     if len(found) != 1:
         return None
     name, (unit, gain) = next(iter(found.items()))
-    return Column(role, name, unit, "scale beside it", gain)
+    return Column(role, name, unit, "scale in the file", gain)
 
 
 def _mentions(line: str, header: Header) -> bool:
