@@ -14,7 +14,7 @@ import numpy as np
 
 from mrdamper.data.records import CHANNELS, Dataset, RigRun, command_slack
 
-_SEAM_STEPS_MAX = 2.5  # Max time from the last sample of a part to the first sample of the next part.
+_SEAM_STEPS_MAX = 2.5  # Max time [steps] from the last sample of a part to the first of the next.
 _RMS_RATIO_MAX = 1.3  # Parts of one record have similar displacements and speeds.
 _SEAM_TEMPERATURE_K_MAX = 1.0
 

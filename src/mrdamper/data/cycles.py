@@ -17,7 +17,7 @@ from mrdamper.data.records import GAP_MIN_STEPS, Recording
 from mrdamper.quantities import QUANTITIES
 
 STROKE_MIN_m = 50e-6  # A smaller motion is considered noise of the displacement sensor.
-OUTLIERS_PERCENT = 0.1  # The highest and the lowest samples that the range of displacement excludes.
+OUTLIERS_PERCENT = 0.1  # The range of displacement excludes this percentage of samples at each end.
 
 
 @dataclass(frozen=True, slots=True, eq=False)

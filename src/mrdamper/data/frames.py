@@ -225,6 +225,6 @@ def _with_columns(given: Any, columns: Mapping[str, Any]) -> Any:  # noqa: ANN40
         return given
     parts: Sequence[Any] = [Frame("frame", {})] if given is None else parts_of(given)
     if len(parts) != 1 or not isinstance(parts[0], Frame):
-        found = f"{', '.join(columns)} beside {', '.join(type(each).__name__ for each in parts)}"
-        raise InputError(place="columns", found=found, expected="arrays beside one frame, or alone")
+        found = f"{', '.join(columns)} together with {', '.join(type(each).__name__ for each in parts)}"
+        raise InputError(place="columns", found=found, expected="arrays with one frame, or alone")
     return [replace(parts[0], columns={**parts[0].columns, **columns})]

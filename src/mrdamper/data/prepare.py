@@ -29,7 +29,7 @@ _PLOT_DURATION_s = 3.0  # Plotted duration of a motion without a period.
 Reference = Literal["start", "mean", "none"]
 VelocitySource = Literal["displacement", "channel"]
 
-_VELOCITY_DIFFERENCE_MAX_RATIO = 0.1  # Relative to the rms of the velocity channel.
+_VELOCITY_DIFFERENCE_MAX_RATIO = 0.1  # Rms difference / rms of the velocity from displacement.
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,7 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     at least five times the motion's mean frequency. Noise below 0.1 % of the rms velocity is not smoothed
     (``Spectrum.cut_off``). The smoothing is a least-squares quintic spline with a knot every half period of
     the cut-off, in whole samples (``signals.smooth``): zero phase, free ends; velocity and acceleration are
-    its derivatives. A measured velocity is used only if requested and if it agrees within 10 % of its rms.
+    its derivatives. A measured velocity is used only if requested and if it differs by less than 10 % rms.
 
     *Dead band.* Three times the residual noise after smoothing, at least the resolution of displacement.
 
@@ -136,8 +136,8 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     if float(np.std(displacement)) < 2.0 * spectrum.noise:  # A smaller rms displacement is only noise.
         raise InputError(
             place=run.name,
-            found=f"displacement keeps still but for noise of {spectrum.noise:.2g} m rms",
-            expected="a motion far above it",
+            found=f"displacement has only noise of {spectrum.noise:.2g} m rms and no motion",
+            expected="a motion much larger than the noise",
             remedy=WITHOUT_MOTION,
         )
     spacing = knot_spacing(step, chosen.cutoff_Hz or spectrum.cut_off())

@@ -123,8 +123,8 @@ def read_each(
 ) -> ReadFiles:
     """Return the content of frames, files, folders and glob patterns: frames first, each file once.
 
-    Folders are searched with their subfolders for files of the supported formats. Runs with equal names get
-    the names of their folders.
+    Folders are searched with their subfolders for files of the supported formats. Equal names of runs get the
+    names of their folders as prefixes.
 
     Raise InputError if a path does not exist, or the channel map is not readable.
     """
@@ -228,7 +228,7 @@ def _no_run_finding(file: UnreadableFile) -> Finding:
 
 
 def _with_distinct_names(read: Sequence[tuple[Path, RigFile]]) -> list[tuple[Path, RigFile]]:
-    """Return the files with unique names of the runs. Equal names get the names of their folders."""
+    """Return the files with unique names of their runs. Equal names get the folder's name as a prefix."""
     runs = [recording for _, file in read for recording in file.recordings]
     names = iter(distinct_names([run.name for run in runs], [run.source for run in runs]))
     named = []

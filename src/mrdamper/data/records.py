@@ -347,7 +347,7 @@ def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
 
 
 def find_time_faults(time: FloatArray) -> Iterator[Finding]:
-    """Generate the fault of times [s]: they do not increase, change their rate, or have gaps."""
+    """Generate a finding if times [s] do not increase, change their rate, or have gaps."""
     steps = np.diff(time)
     if not len(steps) or not np.isfinite(time).all():
         return
