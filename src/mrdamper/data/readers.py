@@ -221,7 +221,7 @@ def _no_run_finding(file: UnreadableFile) -> Finding:
         kind="no_run",
         severity="note",
         run=file.path.name,
-        found=f"{file.path.name} has no samples of a damper and is left out",
+        found=f"{file.path.name} has no samples of a damper and is ignored",
         effect="Its content, for example a temperature, is not used",
         remedy="Read this file alone to see why it is not a run",
     )

@@ -116,7 +116,7 @@ def find_coarse_steps(recording: Recording) -> Iterator[Finding]:
             unit=unit,
             found=f"{role} has steps of {factor * resolution:.3g} {shown}: "
             f"{round(float(np.ptp(values)) / resolution) + 1} levels over the run",
-            effect=f"No model can come closer than {percent(error)} of the force's spread"
+            effect=f"No model can have an error below {percent(error)} of the force's standard deviation"
             if role == "force"
             else "Steps of the displacement become jumps of the velocity; smoothing takes out what it can",
             remedy="Use more of the converter's range (a smaller range, a larger gain)",
@@ -146,7 +146,7 @@ def find_spikes(recording: Recording) -> Iterator[Finding]:
             to_s=float(recording.time[bad[-1]]),
             found=f"{role} has {len(bad)} spike{'s' if len(bad) > 1 else ''}, the largest of "
             f"{away[worst - 1]:.3g} {unit} at {recording.time[worst]:.4g} s",
-            effect="Squared errors give a spike far more weight than a sample",
+            effect="Squared errors give a spike far more weight than a valid sample",
             remedy="Cut the samples out, and look for a loose plug or a switching device nearby",
         )
 

@@ -31,7 +31,7 @@ def find_lost_samples(recording: Recording) -> Iterator[Finding]:
             found=f"about {missing} samples are missing at {len(lost)} places ({percent(0.01 * share)}), "
             f"the first after sample {lost[0]}",
             effect="They are filled in by interpolation, which flattens the force at reversals",
-            remedy="Check the load of the recording computer; record again when the places are many",
+            remedy="Check the load of the recording computer; record again if there are many such places",
         )
 
 

@@ -64,7 +64,7 @@ def read_lvm(path: Path, _options: FileOptions) -> Table:
         if each[2].rstrip() != headers[0][2].rstrip():
             raise InputError(
                 place=f"{path}, line {above}",
-                found="the columns are not those of the first segment",
+                found="the columns differ from the columns of the first segment",
                 remedy="Split the file there",
             )
         layout = Layout("LabVIEW measurement text", delimiter, decimal, above, notes=head.notes)

@@ -185,8 +185,8 @@ def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
 def _connected(headers: Sequence[Header], role: str, table: Table) -> list[Header]:
     """Return the columns of connected sensors. A column of a disconnected sensor contains only noise.
 
-    A column of the same signal in a wrong unit can have a small range, too. It is kept because it is
-    correlated with the column of the largest range.
+    A column of the same signal in a wrong unit can have a small range, too. This column is returned because
+    it is correlated with the column of the largest range.
     """
     signals = [to_si(table.columns[each.name], each.unit, role) for each in headers]
     widest = max(signals, key=np.ptp)

@@ -31,7 +31,7 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES
 
 _OF_RUNS = frozenset({"displacement", "velocity", "force"})
-# Differences between local time and UTC [h], beginning with 0.
+# Differences between local time and UTC [h]. The first is 0 because the log must cover the run without one.
 _ZONES_h = (*range(15), *range(-12, 0), -9.5, -3.5, 3.5, 4.5, 5.5, 6.5, 9.5, 10.5)
 
 
@@ -140,6 +140,7 @@ def _times(table: Table, headers: Sequence[Header], chosen: ChannelMap, place: s
 def _temperature_of(run: Run, log: _Log, runs: Sequence[Run]) -> FloatArray:
     """Return the temperatures [K] of a log at the times of a run.
 
+    If only the run or only the log states UTC, the temperatures must be nearly equal for all time zones.
     Raise InputError if the clocks of run and log cannot be compared, or if the log does not cover the run.
     """
     path, recording, start = run
@@ -160,7 +161,7 @@ def _temperature_of(run: Run, log: _Log, runs: Sequence[Run]) -> FloatArray:
         if not found:
             raise InputError(found=f"its times do not cover {path.name}")
     if np.ptp(found, axis=0).max() > SETTINGS.time_zone_ambiguity_max_K:
-        raise InputError(found="the runs or the log state UTC, and the other local time of an unknown zone")
+        raise InputError(found="only one of runs and log states UTC, the other local time of an unknown zone")
     return found[0]
 
 
