@@ -22,7 +22,7 @@ _STROKE_DEVIATION_MAX = 0.15  # Equal strokes and durations deviate from their m
 
 @dataclass(frozen=True, slots=True)
 class MotionFound:
-    """Result of the classification: label, period (None: not periodic), and typical half period."""
+    """Result of the classification: label, period (None: not periodic), and mean or median half period."""
 
     label: str
     period_s: float | None

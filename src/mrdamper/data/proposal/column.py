@@ -56,7 +56,7 @@ def header_of(table: Table, name: str, place: str) -> Header:
     """Return the parsed header of a column. A missing unit is replaced by the unit stated in the file."""
     exact = parse_header(name)
     word, unit = word_and_unit(name)
-    if exact is not None and unit and exact[1] != unit:  # "Travel_WA100 [mm]"
+    if exact is not None and unit and exact[1] != unit:  # A suffix hides the unit: "Travel_WA100 [mm]".
         exact = (exact[0], unit) if exact[0] in roles_of_unit(unit) else None
     if exact is not None:
         unit = _unit(table, name, exact, place)

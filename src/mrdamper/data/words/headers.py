@@ -13,7 +13,7 @@ from typing import Literal
 
 from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit
 
-_NOTED = re.compile(r"(.+?)\s*[\[({].*[\])}]\s*[\[({]([^\[({]*)[\])}]")  # The note precedes the unit.
+_NOTED = re.compile(r"(.+?)\s*[\[({].*[\])}]\s*[\[({]([^\[({]*)[\])}]")  # "Force (raw) [N]"
 _BRACKETS = re.compile(r"(.+?)\s*[\[({](.*)[\])}]")
 _SLASH, _LINE = re.compile(r"(.+?)\s+/\s*(.+)"), re.compile(r"([^_]+)_(.+)")
 _FORMS = (_NOTED, _BRACKETS, _SLASH, _LINE, re.compile(r"(.+)()"))
@@ -76,7 +76,7 @@ def word_and_unit(header: str) -> tuple[str, str]:
         if not roles or not (form in _BRACKETED or long or _means(word, roles)):
             continue
         return word, unit
-    if len(text) > 1 and text.lower() not in _NO_UNITS and roles_of_unit(text):  # "millis"
+    if len(text) > 1 and text.lower() not in _NO_UNITS and roles_of_unit(text):  # "millis" is only a unit.
         return "", text
     return text, ""
 

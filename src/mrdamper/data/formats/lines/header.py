@@ -143,7 +143,7 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
         said = statements(lines[:first], delimiter)
         meant = _apply_legend(plain, said, table)
         return Header(meant, said, named=meant != plain)
-    if sum(_leads(fields) for _, fields in rows) > 1:  # "Names: Time;Force", "Units: s;N"
+    if sum(_leads(fields) for _, fields in rows) > 1:  # The rows are "Names: Time;Force" and "Units: s;N".
         rows = [(k, [_LEAD.sub("", fields[0]), *fields[1:]]) for k, fields in rows]
     used = {rows[0][0]}
     _, names = rows.pop(0)
@@ -225,7 +225,7 @@ def _header_fields(line: str, delimiter: str, count: int, filled: int) -> list[s
     for text in (bare, _LEAD.sub("", bare)) if delimiter == " " else ():
         if len(fields) != count:
             fields = re.split(r"\s{2,}|\t", text.strip())
-        if len(fields) != count:  # "Time (s) Force (N)"
+        if len(fields) != count:  # Names contain a blank before the unit: "Time (s) Force (N)".
             fields = re.findall(r"[^\s(\[]+\s*[(\[][^)\]]*[)\]]|\S+", text)
     if len(fields) not in {count, filled} or not any(fields):
         return None
