@@ -26,7 +26,7 @@ _UNITS = {
 _SYMBOLS = {"current": "iI", "voltage": "uUvV", "temperature": "tT"}
 # A number is a separate word or follows its sign or symbol: "rev2A" is not a current and "0-1.5A" is a range.
 # A minus after a letter is a dash before a current, but may be the sign of a temperature.
-_BEGIN = r"(?:(?<![\w.,+-])|(?<=_)|(?<=(?<![^\W_])[{symbol}])|(?<=(?:(?<=[\s_=:(])|(?<![\s\S]))[+-]){dash})"
+_BEGIN = r"(?:(?<![\w.,+%-])|(?<=_)|(?<=(?<![^\W_])[{symbol}])|(?<=(?:(?<=[\s_=:(])|(?<![\s\S]))[+-]){dash})"
 _DASHES = dict.fromkeys(("current", "voltage"), r"|(?<=(?<![\d.])[^\W\d]-)") | {"temperature": ""}
 _RANGE = r"(?:(?<=\bset to )|(?<!\bto ))(?<!\bbis )(?<![-–…~] )(?<!\d[eEdD] [+-])"
 _FORMS = {
