@@ -104,7 +104,7 @@ def test_lvm_header_units_complete_column_names(tmp_path, x, force):
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (lvm(cuts=(9,)).replace("Force (N)", "Force (kN)", 1), r"line 41: the columns are not those of the"),
+        (lvm(cuts=(9,)).replace("Force (N)", "Force (kN)", 1), r"line 41: the columns differ from"),
         (lvm()[:200], r"no \*\*\*End_of_Header\*\*\* in the first \d+ lines; it was cut off"),
         (lvm()[: lvm().rindex("X_Value") + 8], r"no rows after its header"),
         (

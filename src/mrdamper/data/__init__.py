@@ -1,1 +1,1 @@
-"""Measured runs: records, readers, channel maps, preparation, cycles, and the public data sets."""
+"""Measured runs: records, readers, channel maps, preparation, diagnosis and cycles."""

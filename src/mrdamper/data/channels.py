@@ -1,10 +1,10 @@
-"""Channel maps: the column and the unit of each role in a file, written by the user as TOML.
+"""Channel maps: TOML files of the user with the column and the unit of each role (such as force).
 
 docs/rig_files.md describes the tables of the file and has an example.
 
 Without a gain, the value of a channel is sign x (raw + offset), with raw converted from ``unit`` to SI and
 the offset in SI. With a gain, the value is sign x (raw x gain + offset). The gain then converts from ``unit``
-(of the file, V for a transducer) to the SI unit of the role. A unit is never guessed.
+(the unit in the file, such as V for a transducer) to the SI unit of the role. A unit is never guessed.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class ChannelTable:
     unit: str = ""
     """Unit of the numbers in the file; empty if the header contains it."""
     gain: float | None = None
-    """Factor of the numbers in the file."""
+    """Factor from the numbers in the file to the SI unit of the role."""
     offset: float = 0.0
     """Offset that is added before the sign is applied [SI]."""
     sign: int = 1
@@ -78,7 +78,7 @@ class Channel(ChannelTable):
             )
 
     def find(self, names: Sequence[str], place: str) -> int | None:
-        """Return the index of the channel's column, from 0; None if the map does not name a column."""
+        """Return the index (from 0) of the column that the map states, None if it states no column."""
         where = f"{place}: channel.{self.role}"
         if self.index is not None:
             if not 1 <= self.index <= len(names):
@@ -140,7 +140,7 @@ class _Roles:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Session:
     name: str = ""
-    """Runs of one session have the same tare of the force cell."""
+    """Runs with the same session name have the same zero (tare) of the load cell."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,19 +149,19 @@ class _Document:
 
     channel: _Roles = field(default_factory=_Roles)
     constant: Mapping[str, float] = field(default_factory=dict)
-    """Values by ``quantity_unit``, or ``rate_Hz``."""
+    """Constant values. A key is a quantity with its unit (``current_A``), or ``rate_Hz``."""
     segments: Mapping[str, Any] | None = None
-    """The text ``split``, and a list ``current_A`` or ``voltage_V``."""
+    """The keys are ``split`` (a text), and ``current_A`` or ``voltage_V`` (a list)."""
     session: _Session = field(default_factory=_Session)
     file: FileOptions = field(default_factory=FileOptions)
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelMap:
-    """The settings of a channel map. The empty map uses only the header."""
+    """The settings of a channel map. If the map is empty, the header of the file states all columns."""
 
     channels: Mapping[str, Channel] = field(default_factory=lambda: MappingProxyType({}))
-    constant: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))  # role -> SI
+    constant: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))  # role -> value in SI
     rate_Hz: float | None = None
     segments: Segments | None = None
     session: str = ""

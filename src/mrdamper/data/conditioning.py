@@ -1,7 +1,7 @@
-"""Conditioning: from the measured samples of a run to the trajectory with which a law is simulated.
+"""Conditioning: convert the measured samples of a run to the trajectory that a damper model follows.
 
-Samples are put on a uniform grid, their displacement is smoothed and differentiated, and the noise of current
-and temperature is removed. ``prepare`` chooses the ``Rules``.
+The samples are put on a uniform time grid. The displacement is smoothed and differentiated, and the noise of
+current and temperature is removed. The module ``prepare`` chooses the settings (``Rules``).
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from mrdamper.data.records import RigRun
 from mrdamper.data.signals import Kinematics, differentiate, smooth
 from mrdamper.excitation import Trajectory
 
-# A run with a smaller temperature drift gets one constant temperature.
+# The temperature of a run with a smaller drift is replaced by its mean.
 DRIFT_MAX_K = 1.0
-# The means of this number of parts show whether a run warms up and cools down again.
+# The mean temperatures of this number of equal parts show if a run warms up and cools down again.
 PART_COUNT = 8
-# Temperatures change slowly because of the heat capacity.
+# Cut-off of the temperature smoothing. Temperature changes slowly because of the heat capacity.
 TEMPERATURE_CUTOFF_Hz = 0.25
 
 
@@ -34,7 +34,7 @@ class Rules:
     cutoff_Hz : cut-off of the smoothing; the Nyquist frequency of the grid if there is no smoothing
     dead_band_m : smaller reversals of the motion are noise
     reference_m : measured displacement at the zero of the trajectory
-    command : current or voltage of a run that keeps it constant [A or V]; None: as measured
+    command : constant current or voltage of the run [A or V]; None: the measured samples are used
     measured_velocity : True if the velocity channel is used
     thermocouple_lag_s : first-order lag of the temperature sensor
     """
@@ -72,7 +72,7 @@ def even_step(time: FloatArray) -> float | None:
 
 
 def _rounding(time: FloatArray, off: float) -> float:
-    """Return the rounding unit [s] of time stamps: a power of ten, at least ``off``; 0 if not rounded."""
+    """Return the power of ten [s] to which times are rounded, at least ``off``; 0 if they are not rounded."""
     unit = 10.0 ** math.ceil(math.log10(off)) if off > 0.0 else 0.0
     for candidate in (unit, 10.0 * unit):
         if candidate and np.allclose(time / candidate, np.round(time / candidate), rtol=0.0, atol=1e-4):
@@ -132,10 +132,10 @@ def condition_run(sampled: Samples, path: Kinematics, rules: Rules) -> Trajector
 def condition_temperature(temperature: FloatArray, step: float, lag_s: float = 0.0) -> FloatArray:
     """Return the measured temperature [K] with the noise and the lag of the sensor removed, shape (n,).
 
-    The temperature of a run is constant (the mean) if its linear drift is below 1 K (or three standard
-    errors) and the means of its eighths agree within 1 K (or six standard errors). Other runs are smoothed
-    with a cut-off of 0.25 Hz, or by a straight line if they are shorter than 16 s. A first-order lag
-    ``lag_s`` of the sensor is compensated: T + lag dT/dt.
+    The temperature is replaced by its mean if its linear drift is below 1 K (or three standard errors of the
+    drift), and the means of the eighths of the run agree within 1 K (or six standard errors of a mean). Other
+    temperatures are smoothed with a cut-off of 0.25 Hz, or by a straight line if the run is shorter than
+    16 s. A first-order lag ``lag_s`` of the sensor is compensated: T + lag dT/dt.
     """
     n = len(temperature)
     time = step * (np.arange(n) - 0.5 * (n - 1))
@@ -143,7 +143,7 @@ def condition_temperature(temperature: FloatArray, step: float, lag_s: float = 0
     mean = float(np.mean(temperature))
     noise = float(np.std(temperature - mean - slope * time))
     drift = abs(slope) * step * n
-    short = step * n < 4.0 / TEMPERATURE_CUTOFF_Hz  # The run is too short for knots.
+    short = step * n < 4.0 / TEMPERATURE_CUTOFF_Hz  # The run is too short for the smoothing spline.
     means = [part.mean() for part in np.array_split(temperature, PART_COUNT)]
     wander = 0.0 if short else float(np.ptp(means))
     if drift < max(DRIFT_MAX_K, 3.0 * noise * math.sqrt(12.0 / n)) and wander < max(

@@ -1,7 +1,7 @@
 """Join runs that are parts of one record.
 
 Loggers divide long records into files of equal size. The clock continues in the next file. If each part were
-used alone, a part would count as much as a whole run, and each part would need its own warm-up.
+used alone, it would count as much as a whole run in a fit and would need its own warm-up of the model.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from mrdamper.data.records import CHANNELS, Dataset, RigRun, command_slack
 
-_SEAM_STEPS_MAX = 2.5  # Limit of the time from the last sample of a part to the first of the next part.
+_SEAM_STEPS_MAX = 2.5  # Max time [steps] from the last sample of a part to the first of the next.
 _RMS_RATIO_MAX = 1.3  # Parts of one record have similar displacements and speeds.
 _SEAM_TEMPERATURE_K_MAX = 1.0
 
@@ -26,7 +26,7 @@ def join_continuations(runs: Dataset) -> tuple[Dataset, tuple[str, ...]]:
     most 2.5 time steps after the end of the previous run, and continues the motion and the temperature. A
     joined run has the name of its first part.
     """
-    first_parts: dict[str, list[RigRun]] = {}  # last run of each record -> its parts
+    first_parts: dict[str, list[RigRun]] = {}  # name of the last run of a record -> all parts of the record
     for run in sorted(runs, key=lambda run: (float(run.time[0]), run.name)):
         previous = [name for name, parts in first_parts.items() if _continues(run, parts[-1])]
         parts = first_parts.pop(previous[0]) if len(previous) == 1 else []
@@ -61,7 +61,7 @@ def _has_same_settings(run: RigRun, previous: RigRun) -> bool:
 
 
 def _has_same_motion(run: RigRun, previous: RigRun) -> bool:
-    """Return True if the displacement continues without a jump, at a similar rms stroke and speed."""
+    """Return True if displacement continues without a jump, and rms displacement and speed are similar."""
     steps_m = [np.abs(np.diff(each.displacement)) for each in (previous, run)]
     seam_m = abs(float(run.displacement[0] - previous.displacement[-1]))
     return (

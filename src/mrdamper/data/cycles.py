@@ -1,4 +1,4 @@
-"""Energy, forces, stiffness and temperature of every cycle. The signals are not smoothed or resampled."""
+"""Energy, forces, stiffness and temperature of every cycle of a prepared run or of a record as measured."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from mrdamper.data.records import GAP_MIN_STEPS, Recording
 from mrdamper.quantities import QUANTITIES
 
 STROKE_MIN_m = 50e-6  # A smaller motion is considered noise of the displacement sensor.
-OUTLIERS_PERCENT = 0.1  # The range of a record excludes this percentage of the highest and lowest samples.
+OUTLIERS_PERCENT = 0.1  # The range of displacement excludes this percentage of samples at each end.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CycleFigures:
-    """Values of cycles, arrays of shape (m,).
+    """Values of m cycles, arrays of shape (m,).
 
     A cycle lasts from one lower turning point of displacement (sample a) to the next (sample b)::
 
@@ -34,7 +34,7 @@ class CycleFigures:
     that no sample counts twice.
     """
 
-    row: NDArray[np.int64]  # Sample a of the run.
+    row: NDArray[np.int64]  # Index of sample a in the run.
     start_s: FloatArray
     period_s: FloatArray
     amplitude_m: FloatArray  # Half the range of displacement.
@@ -51,7 +51,7 @@ class CycleFigures:
 
     @property
     def end(self) -> NDArray[np.int64]:
-        """Sample b: the first sample of the next cycle."""
+        """Return the index of sample b: the first sample of the next cycle."""
         return self.row + self.samples
 
     @property
@@ -72,7 +72,7 @@ class CycleFigures:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CountedRecord:
-    """The cycles of a measured record, which may have breaks."""
+    """The cycles of a measured record. The record may have missing rows and time gaps (breaks)."""
 
     figures: CycleFigures
     stroke_min_m: float  # A smaller reversal does not begin a cycle.

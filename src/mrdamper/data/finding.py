@@ -1,7 +1,7 @@
 """Findings and inferences about runs.
 
-A finding is a fault of a run with its location, size, effect on a fit and remedy. An inference is a value of
-a run that was read from words (such as a file name) instead of a column, with its source.
+A finding is a fault, a warning or a note about a run, with its location, size, effect on a fit and remedy. An
+inference is a value of a run that was read from words (such as a file name) instead of a column.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ from mrdamper.quantities import QUANTITIES, to_degC
 
 Severity = Literal["fault", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("fault", "warning", "note")
-"""A fault: the run must not be fitted as it is. A warning: the fit, or a held-out error, is less accurate."""
+"""Fault: the run must not be fitted as it is. Warning: the fit, or a held-out error, is less accurate.
+Note: information only."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """One fault of one run. The sentences are for the user, the other fields for scripts."""
+    """One finding. ``found``, ``effect`` and ``remedy`` are for the user, the other fields for scripts."""
 
     kind: str  # A stable name such as "clipped" or "force_sign".
     severity: Severity = "warning"
@@ -33,10 +34,10 @@ class Finding:
     high: float | None = None
     from_s: float | None = None  # Begin and end in the run's time.
     to_s: float | None = None
-    run: str = ""
+    run: str = ""  # Name; "" if the finding concerns the whole campaign.
 
     def add_interval(self, error: float) -> Finding:
-        """Return the finding with an interval of plus or minus two standard errors."""
+        """Return the finding with the interval of its size: plus or minus two standard errors ``error``."""
         assert self.size is not None
         return replace(self, low=self.size - 2.0 * error, high=self.size + 2.0 * error)
 
@@ -53,7 +54,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Inference:
-    """A value that was read from words: its run, role, value [SI] and location."""
+    """A value [SI] that was read from words, with its run and role, and the source of the words."""
 
     run: str
     role: str
@@ -69,10 +70,10 @@ class Inference:
 
 
 def by_kind(findings: Sequence[Finding]) -> list[tuple[Finding, int]]:
-    """Return pairs (largest finding of one severity, kind and channel; number of affected runs), worst first.
+    """Return (largest finding, number of runs) for each severity, kind and channel, worst first.
 
-    Runs that are copies of other runs are not counted. The number is 0 if the finding concerns the whole
-    campaign.
+    Runs that are copies of other runs are not counted. The number of runs is 0 if the finding concerns the
+    whole campaign.
     """
     copies = {finding.run for finding in findings if finding.kind == "duplicate"}
     groups: dict[tuple[str, str, str], list[Finding]] = {}
@@ -94,7 +95,8 @@ def _run_count(group: Sequence[Finding], copies: Collection[str]) -> int:
 def without_repeats(findings: Iterable[Finding]) -> list[Finding]:
     """Return the first finding of each kind in each run, channel and time span, worst first.
 
-    Two checks may report the same fault of a run, such as a delay within the run and between the runs.
+    Two checks may report the same fault. For example, a check of the single run and a comparison of all runs
+    both detect a delay.
     """
     first: dict[tuple[object, ...], Finding] = {}
     for finding in sorted(findings, key=severity_rank):
@@ -104,7 +106,7 @@ def without_repeats(findings: Iterable[Finding]) -> list[Finding]:
 
 
 def percent(share: float) -> str:
-    """Return a ratio as text in percent: two digits below 10 %, no decimals from 10 % on."""
+    """Return a ratio as text in percent: two significant digits below 10 %, else no decimals."""
     return f"{100 * share:.0f} %" if abs(share) >= 0.1 else f"{100 * share:.2g} %"
 
 

@@ -96,7 +96,7 @@ class Frame:
                 raise InputError(
                     place=self.name, found=f"column {name!r} ({fault})", expected="numbers"
                 ) from fault
-        if len({len(values) for values in numbers.values()} - {1}) > 1:  # One number applies to all samples.
+        if len({len(values) for values in numbers.values()} - {1}) > 1:  # A single number is a constant.
             sizes = ", ".join(f"{name} {len(values)}" for name, values in numbers.items())
             found = f"columns differ in length ({sizes})"
             raise InputError(place=self.name, found=found, expected="one value of each per sample")
@@ -174,7 +174,7 @@ def _columns_of(frame: Any) -> Mapping[str, Any]:  # noqa: ANN401 - of pandas, P
 
 
 def _name_of(name: object) -> str:
-    """Return the name of a column. A second level of the header is added if it is a unit."""
+    """Return the name of a column: the levels of its header, with brackets around a unit in level two."""
     if not isinstance(name, tuple):
         return str(name)
     words = [str(word) for word in name if str(word)]
@@ -189,7 +189,7 @@ def _name_of(name: object) -> str:
 def columns_by_name(
     given: Runs | None, columns: Mapping[str, str | float | ArrayLike]
 ) -> tuple[Any, ChannelMap | None]:
-    """Return runs with additional columns, and the channel map of named columns.
+    """Return the runs with the given columns added, and the channel map that assigns columns to roles.
 
     Parameters
     ----------
@@ -225,6 +225,6 @@ def _with_columns(given: Any, columns: Mapping[str, Any]) -> Any:  # noqa: ANN40
         return given
     parts: Sequence[Any] = [Frame("frame", {})] if given is None else parts_of(given)
     if len(parts) != 1 or not isinstance(parts[0], Frame):
-        found = f"{', '.join(columns)} beside {', '.join(type(each).__name__ for each in parts)}"
-        raise InputError(place="columns", found=found, expected="arrays beside one frame, or alone")
+        found = f"{', '.join(columns)} together with {', '.join(type(each).__name__ for each in parts)}"
+        raise InputError(place="columns", found=found, expected="arrays with one frame, or alone")
     return [replace(parts[0], columns={**parts[0].columns, **columns})]

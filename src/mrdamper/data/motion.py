@@ -22,7 +22,7 @@ _STROKE_DEVIATION_MAX = 0.15  # Equal strokes and durations deviate from their m
 
 @dataclass(frozen=True, slots=True)
 class MotionFound:
-    """Result of the classification: label, period (None: not periodic), and typical half period."""
+    """Result of the classification: label, period (None: not periodic), and mean or median half period."""
 
     label: str
     period_s: float | None
@@ -39,8 +39,8 @@ def describe_motion(displacement: FloatArray, step: float) -> MotionFound:
     - All other motions: random, with the frequency band that holds 90 % of the squared velocity.
 
     Amplitudes have two significant digits. A frequency is replaced by the roundest number within 2.5 %
-    (10 % for the ends of a band): 0.2549 and 0.2551 Hz are "0.25 Hz". The half period is the median time
-    between reversals.
+    (10 % for the ends of a band): 0.2549 and 0.2551 Hz are "0.25 Hz". If a motion has no period, the half
+    period is the median time between reversals.
     """
     stroke_range = float(np.ptp(displacement))
     turns = turning_points(displacement, REVERSAL_MIN_RATIO * stroke_range)
@@ -62,7 +62,7 @@ def describe_motion(displacement: FloatArray, step: float) -> MotionFound:
         # Midpoint of rms / amplitude: sine 0.707, triangle 0.577.
         kind = "triangle" if float(np.std(steady)) < 0.64 * stroke / 2 else "sine"
         return MotionFound(f"{kind} {_mm(stroke / 2)} {_round_number(1.0 / period)} Hz", period, period / 2)
-    change = float(np.median(np.abs(np.diff(np.log(durations)))))  # Relative, from one stroke to the next.
+    change = float(np.median(np.abs(np.diff(np.log(durations)))))  # Relative change from stroke to stroke.
     is_smooth = len(durations) >= 8 and change < _STROKE_DEVIATION_MAX / 2
     if is_smooth and durations.max() > 1.5 * durations.min():
         band = f"{_round_number(0.5 / durations.max(), 0.1)}-{_round_number(0.5 / durations.min(), 0.1)} Hz"
@@ -111,7 +111,7 @@ def _two_digits(value: float) -> str:
 
 
 def _round_number(value: float, tolerance: float = 0.025) -> str:
-    """Return the roundest number near a value: one digit, else two with a final 5, else any two."""
+    """Return the roundest number near a value: one digit, else two digits that end with 5, else any two."""
     decade = 10.0 ** np.floor(np.log10(value))
     for unit in (decade, 0.5 * decade):
         near = unit * round(value / unit)

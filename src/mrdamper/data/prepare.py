@@ -1,8 +1,9 @@
 """Preparation of a measured run: the trajectory for a simulation, and the measured force.
 
-The displacement is smoothed because its derivative drives the model: 3 um steps at 1 kHz would become +-90 N
-in a dashpot of 3e4 N s/m. The force is not changed. Settings that a preparation leaves open are chosen
-for each run by the rules of :func:`prepare_run`. The module ``conditioning`` applies the settings.
+The displacement is smoothed because its derivative drives the model. Without smoothing, displacement steps of
+3 um at 1 kHz would cause errors of +-90 N in a dashpot of 3e4 N s/m. The force is not changed. Settings
+without a value are chosen for each run by the rules of :func:`prepare_run`. The module ``conditioning``
+applies the settings.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ _PLOT_DURATION_s = 3.0  # Plotted duration of a motion without a period.
 Reference = Literal["start", "mean", "none"]
 VelocitySource = Literal["displacement", "channel"]
 
-_VELOCITY_DIFFERENCE_MAX_RATIO = 0.1  # Relative to the rms of the velocity channel.
+_VELOCITY_DIFFERENCE_MAX_RATIO = 0.1  # Rms difference / rms of the velocity from displacement.
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,18 +39,18 @@ class Preparation:
     cutoff_Hz: Positive | None = None  # Smoothing of displacement; math.inf: no smoothing.
     dead_band_m: NotNegative | None = None  # Smaller reversals are noise.
     reference: Reference = "start"  # Zero of displacement.
-    velocity: VelocitySource = "displacement"  # Derivative of displacement, or measured.
+    velocity: VelocitySource = "displacement"  # Derivative of displacement, or the measured channel.
     from_s: float | None = None  # First time [s] in the file's clock.
     to_s: float | None = None  # Last time [s].
     force_offset_N: float = 0.0  # Known tare, subtracted from the force.
-    thermocouple_lag_s: NotNegative = 0.0  # of the thermocouple; compensated if the temperature drifts
+    thermocouple_lag_s: NotNegative = 0.0  # First-order lag; compensated if the temperature drifts.
 
     def __post_init__(self) -> None:
         is_unfiltered = self.cutoff_Hz == math.inf
         check_ranges(replace(self, cutoff_Hz=None) if is_unfiltered else self, "preparation")
 
     def to_dict(self) -> dict[str, float | str | None]:
-        """Return the fields as JSON values (no smoothing is the text "none")."""
+        """Return the fields as JSON values. Without smoothing, ``cutoff_Hz`` is the text "none"."""
         return asdict(self) | ({"cutoff_Hz": "none"} if self.cutoff_Hz == math.inf else {})
 
     @classmethod
@@ -100,11 +101,11 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     channels linearly.
 
     *Smoothing.* Noise is the median magnitude in the upper quarter of the displacement's spectrum (at least
-    its rounding). The cut-off is the frequency above which noise exceeds the signal in velocity, and at least
-    five times the motion's mean frequency. There is no smoothing if noise is below 0.1 % of the rms velocity
+    its rounding error). The cut-off minimises the sum of passed noise and removed signal in velocity, and is
+    at least five times the motion's mean frequency. Noise below 0.1 % of the rms velocity is not smoothed
     (``Spectrum.cut_off``). The smoothing is a least-squares quintic spline with a knot every half period of
     the cut-off, in whole samples (``signals.smooth``): zero phase, free ends; velocity and acceleration are
-    its derivatives. A measured velocity is used only if requested and if it agrees within 10 % of its rms.
+    its derivatives. A measured velocity is used only if requested and if it differs by less than 10 % rms.
 
     *Dead band.* Three times the residual noise after smoothing, at least the resolution of displacement.
 
@@ -132,11 +133,11 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     sampled = sample_uniformly(run)
     displacement, step = sampled.displacement, sampled.step_s
     spectrum = measure_spectrum(displacement, step)
-    if float(np.std(displacement)) < 2.0 * spectrum.noise:  # A displacement with a smaller rms is constant.
+    if float(np.std(displacement)) < 2.0 * spectrum.noise:  # A smaller rms displacement is only noise.
         raise InputError(
             place=run.name,
-            found=f"displacement keeps still but for noise of {spectrum.noise:.2g} m rms",
-            expected="a motion far above it",
+            found=f"displacement has only noise of {spectrum.noise:.2g} m rms and no motion",
+            expected="a motion much larger than the noise",
             remedy=WITHOUT_MOTION,
         )
     spacing = knot_spacing(step, chosen.cutoff_Hz or spectrum.cut_off())
@@ -148,7 +149,7 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
         dead_band = max(3.0 * spectrum.noise / math.sqrt(spacing), resolution)
 
     x = path.displacement
-    # A motion starts at this fraction of its range from its first value.
+    # The motion starts if displacement differs from its first value by 2 % of its range.
     started = int(np.argmax(np.abs(x - x[0]) > 0.02 * np.ptp(x)))
     rest = displacement[: max(1, started // 2)]
     if chosen.velocity == "channel":

@@ -37,7 +37,7 @@ from mrdamper.files import MAP_SUFFIX, PathLike, is_file, is_folder
 
 @dataclass(frozen=True, slots=True)
 class UnreadableFile:
-    """An unreadable file and its error. ``questions`` are the items that the user can supply to read it."""
+    """An unreadable file and its error. ``questions`` request the information that is missing in the file."""
 
     path: Path
     fault: InputError
@@ -62,7 +62,7 @@ class ReadFiles:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Return the changes that readers made to the runs, and the files without a run."""
+        """Return the findings on changes that readers made to runs, and on documents and other files."""
         return (*(finding for _, file in self.files for finding in file.findings), *self.beside)
 
     @property
@@ -76,14 +76,14 @@ class ReadFiles:
         return tuple(question for file in self.unreadable for question in file.questions)
 
     def fault(self) -> InputError | None:
-        """Return an error with the faults and questions of all unreadable files, None if there are none."""
+        """Return an error with the faults and questions of unreadable files, None if all are readable."""
         return ask_all([item.fault for item in self.unreadable]) if self.unreadable else None
 
 
 def read_run(path: PathLike, channels: ChannelMap | PathLike | None = None) -> tuple[RigRun, ...]:
-    """Return the runs in one file. A file of a data logger contains several runs.
+    """Return the runs in one file. A file of a data logger can contain several runs.
 
-    A run has the name of its file, with its command if the file contains several runs.
+    A run has the name of its file. The command is added to the name if the file contains several runs.
 
     Raise InputError if the file is not readable, a column or a unit is missing, or a run has faults.
     """
@@ -99,9 +99,9 @@ def read_file(
 ) -> RigFile:
     """Return the unchecked recordings in one file, and the interpretation of the file.
 
-    If ``channels`` is None, the map next to the file (``map_beside``) is used. If there is no such map, the
-    headers decide. Raise AskingError with questions if information is missing, InputError if the file is not
-    readable.
+    If ``channels`` is None, the map next to the file (``map_beside``) is used. If there is no such map, only
+    the headers state the columns. Raise AskingError with questions if information is missing, InputError if
+    the file is not readable.
 
     Parameters
     ----------
@@ -123,8 +123,8 @@ def read_each(
 ) -> ReadFiles:
     """Return the content of frames, files, folders and glob patterns: frames first, each file once.
 
-    Folders are searched with their subfolders for files of the supported formats. Runs with equal names get
-    the names of their folders.
+    Folders are searched with their subfolders for files of the supported formats. Equal names of runs get the
+    names of their folders as prefixes.
 
     Raise InputError if a path does not exist, or the channel map is not readable.
     """
@@ -155,7 +155,7 @@ def _read_all(
     }
     documents = read_documents(files, sorted(folders))
     stating = {document.path for document in documents if document.lines} & {*files}
-    if len(stating) == len(files):  # A folder with documents alone has no run.
+    if len(stating) == len(files):  # If all files are documents, they are read for their error messages.
         stating = set()
     for path in (*frames, *(path for path in files if path not in stating)):
         try:
@@ -188,7 +188,7 @@ def _read_all(
     objects = {path.suffix.lower() for path, _ in read} & GENERIC_SUFFIXES
     foreign = {*GENERIC_SUFFIXES} - objects
     ignored = [item for item in unreadable if _is_ignored(item, given | {*frames}, foreign)]
-    if not read and len(ignored) == len(unreadable):  # The errors state why there is no run.
+    if not read and len(ignored) == len(unreadable):  # All errors are reported if there is no run.
         ignored = []
     faulty = tuple(
         replace(each, path=_outside(each.path, space)) for each in unreadable if each not in ignored
@@ -199,7 +199,7 @@ def _read_all(
 
 
 def _outside(path: Path, space: Path) -> Path:
-    """Return a path; the path of an unpacked file begins with the folder of its archive."""
+    """Return the path for messages. The path of an unpacked file begins with the folder of its archive."""
     return path.relative_to(space) if path.is_relative_to(space) else path
 
 
@@ -221,14 +221,14 @@ def _no_run_finding(file: UnreadableFile) -> Finding:
         kind="no_run",
         severity="note",
         run=file.path.name,
-        found=f"{file.path.name} has no samples of a damper and is left out",
+        found=f"{file.path.name} has no samples of a damper and is ignored",
         effect="Its content, for example a temperature, is not used",
         remedy="Read this file alone to see why it is not a run",
     )
 
 
 def _with_distinct_names(read: Sequence[tuple[Path, RigFile]]) -> list[tuple[Path, RigFile]]:
-    """Return the files with unique names of the runs. Equal names get the names of their folders."""
+    """Return the files with unique names of their runs. Equal names get the folder's name as a prefix."""
     runs = [recording for _, file in read for recording in file.recordings]
     names = iter(distinct_names([run.name for run in runs], [run.source for run in runs]))
     named = []

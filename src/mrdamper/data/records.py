@@ -36,7 +36,7 @@ CHANNELS = ("time", "displacement", "force", "command", "velocity", "temperature
 LEAST_SAMPLES = 16
 _SPEED_MAX_m_s = 10.0  # No damper rig is faster.
 _STROKE_MAX_m = 2.0  # No damper rig has a longer stroke.
-_BLOCK_STEP_COUNT = 16  # Jitter averages out in this number of time steps.
+_BLOCK_STEP_COUNT = 16  # The mean of this number of time steps is nearly free of jitter.
 STROKE_MIN_m = 1e-9  # A displacement with a smaller stroke is numerically constant.
 GAP_MIN_STEPS = 5.0  # A time step longer than this multiple of the median step is a gap.
 
@@ -45,8 +45,8 @@ GAP_MIN_STEPS = 5.0  # A time step longer than this multiple of the median step 
 class Recording:
     """The unchecked data of one run in a file, in SI.
 
-    Arrays are read-only float64 with any values. Runs with the same ``session`` were recorded with the same
-    zero of the load cell. ``source`` is the path of the file.
+    The arrays are read-only float64. They may contain NaN and implausible values. Runs with the same
+    ``session`` were recorded with the same zero of the load cell. ``source`` is the path of the file.
     """
 
     name: str
@@ -155,7 +155,7 @@ class Dataset(Picture):
 
     def __repr__(self) -> str:
         """Return the text form: one line for each of the first runs."""
-        lines = [f"  {run!r}" for run in self.runs[:8]]  # runs in the text form of a data set
+        lines = [f"  {run!r}" for run in self.runs[:8]]  # Further runs are only counted.
         more = len(self) - len(lines)
         return "\n".join(
             [f"Dataset of {len(self)} runs", *lines, *([f"  ... and {more} more"] if more else [])]
@@ -209,7 +209,7 @@ class Dataset(Picture):
 
 
 def accepted_runs(recordings: Iterable[Recording]) -> list[RigRun]:
-    """Return the recordings without faults as runs."""
+    """Return a run for each recording that has no faults."""
     runs = []
     for recording in recordings:
         with suppress(InputError):
@@ -347,7 +347,7 @@ def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
 
 
 def find_time_faults(time: FloatArray) -> Iterator[Finding]:
-    """Generate the fault of times [s]: they do not increase, change their rate, or have gaps."""
+    """Generate a finding if times [s] do not increase, change their rate, or have gaps."""
     steps = np.diff(time)
     if not len(steps) or not np.isfinite(time).all():
         return
@@ -404,9 +404,9 @@ def find_time_faults(time: FloatArray) -> Iterator[Finding]:
 
 
 def changes_of_pace(steps: FloatArray, gaps: int) -> tuple[int, float, float] | None:
-    """Return the index at which the mean time step [s] changes by 25 %, and the steps before and after.
+    """Return the index at which the mean time step [s] changes by over 25 %, and the steps before and after.
 
-    Return None if it does not change. ``gaps`` is the number of gaps in the time.
+    Return None if the mean time step does not change. ``gaps`` is the number of time gaps in the run.
     """
     blocks = len(steps) // _BLOCK_STEP_COUNT
     if not blocks:

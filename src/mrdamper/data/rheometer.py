@@ -69,19 +69,19 @@ _QUANTITIES: Mapping[str, _Quantity] = MappingProxyType(
 )
 
 
-# Pairs of a quantity and a quantity that it requires.
+# Each pair is a quantity, and a second quantity that a table with the first quantity must contain.
 _REQUIRED = (("viscosity", "temperature"), ("yield stress", "temperature"), ("yield stress", "field"))
 
 
 def read_rheometer_tables(given: Sequence[str | Path | RheometerTable]) -> list[RheometerTable]:
-    """Return the rheometer tables in files. Tables that are not paths are returned unchanged."""
+    """Return the rheometer tables in files. Items that are tables already are returned unchanged."""
     return [item if isinstance(item, RheometerTable) else read_rheometer(item) for item in given]
 
 
 def read_rheometer(path: str | Path) -> RheometerTable:
     """Return the rheometer table in a file.
 
-    Rows with a missing cell and viscosities in a field are ignored.
+    Rows with a missing cell, and viscosities that were measured in a magnetic field, are ignored.
 
     Raise InputError if a column is missing, is duplicated, or has no valid unit, or if a temperature is
     implausible.
@@ -126,7 +126,7 @@ def _offer(what: str) -> str:
 
 
 def _find_column(what: str, names: Sequence[str], place: str) -> str | None:
-    """Return the header of a quantity with its unit, None if no header names the quantity."""
+    """Return the header that names a quantity and its unit, None if no header names the quantity."""
     named = [(name, unit) for name in names if (unit := _unit_in(name, what)) is not None]
     good = [name for name, unit in named if _factor(what, unit) is not None]
     if len(good) > 1:

@@ -39,7 +39,7 @@ class Spectrum:
 
     step: float  # [s]
     frequency: FloatArray  # [Hz]
-    power: FloatArray  # Scaled so that white noise has the power of its variance at every frequency [m^2].
+    power: FloatArray  # [m^2], scaled so that the mean power of white noise is its variance.
     noise: float  # standard deviation of the white noise [m]
 
     def cut_off(self) -> float:
@@ -80,9 +80,9 @@ def measure_spectrum(displacement: FloatArray, step: float) -> Spectrum:
 
     The straight line between the ends is subtracted first, and the remainder is continued as an odd function.
     Therefore a record that starts and ends at rest at different positions has no jump. The noise is the
-    median level of the upper quarter of the frequencies, because single lines do not increase a median. It is
-    at least the rounding error if all displacements are on a grid. Up to 2 % of the record are ignored at its
-    end, because the transform of the shorter length is faster.
+    median level of the upper quarter of the frequencies, because single spectral lines do not increase a
+    median. It is at least the rounding error if all displacements are multiples of a resolution. Up to 2 % of
+    the record are ignored at its end, because the transform of the shorter length is faster.
     """
     from scipy.fft import (
         dst,

@@ -25,7 +25,7 @@ from mrdamper.data.formats.uff import read_uff
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import require_file
 
-# A text may begin with a mark of UTF-8.
+# A text may begin with the byte order mark of UTF-8.
 _LABVIEW = re.compile(rb"(?:\xef\xbb\xbf)?LabVIEW Measurement")
 _JSON = re.compile(rb"(?:\xef\xbb\xbf)?\s*(\{\s*[\"}]|\[\s*[\[{\"\d-])")  # "[Setup]" is not JSON.
 _OCTAVE = re.compile(rb"# Created by Octave|# name: \w+\r?\n# type: ")
@@ -73,7 +73,7 @@ _UNSUPPORTED: tuple[tuple[bytes, str], ...] = (
 
 
 def read_tables(path: Path, options: FileOptions | None = None) -> tuple[Table, ...]:
-    """Return the tables in a file (blocks, sheets or groups), or only the part named ``options.part``."""
+    """Return the tables in a file (blocks, sheets or groups), or only those in the part ``options.part``."""
     chosen = options or FileOptions()
     first = read_table(path, chosen)
     others = [read_table(path, replace(chosen, part=part)) for part in first.more]

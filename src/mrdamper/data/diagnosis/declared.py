@@ -24,7 +24,7 @@ _NUMBER = r"(?<![\d.])(\d+(?:[.p,]\d+)?)\s*"
 
 @dataclass(frozen=True, slots=True)
 class _Declared:
-    """A quantity in names: unit, its pattern, tolerances, channel, and typical cause of a difference."""
+    """A quantity in names of runs: unit and its pattern, tolerances, channel, typical cause of an error."""
 
     unit: str
     form: str
@@ -46,13 +46,13 @@ _DECLARED: Mapping[str, _Declared] = {
 
 @dataclass(frozen=True, slots=True)
 class _Sibling:
-    """A quantity that runs of one motion have in common: kind of the finding, suspect, and limits."""
+    """A quantity that is equal in runs of one motion: kind of the finding, suspected cause, and limits."""
 
     kind: str
     suspect: str
     ratio_max: float  # Runs of one motion differ by a smaller fraction.
     deviation_min: float  # A run that differs by a larger fraction is reported.
-    scatter_max: float  # Limit of the scatter among the remaining runs.
+    scatter_max: float  # No run is reported if the other runs differ by a larger fraction.
 
 
 _SIBLINGS: Mapping[str, _Sibling] = {
@@ -131,8 +131,8 @@ def find_odd_siblings(runs: Sequence[Recording]) -> Iterator[Finding]:
 def _number_in_names(run: Recording, quantity: str) -> float | None:
     """Return the number that the name of the run, the file or the folder states for a quantity.
 
-    The first name with a number counts. The result is None if no name has a number, or if the first name with
-    numbers has several.
+    The first of these names with a number is used. The result is None if no name has a number, or if this
+    name has several numbers for the quantity.
     """
     source = PurePath(run.source) if run.source else PurePath()
     for text in (run.name, source.stem, source.parent.name):
@@ -153,7 +153,7 @@ def _agrees(quantity: str, declared: float, found: float) -> bool:
 
 
 def _values_of(run: Recording) -> dict[str, float]:
-    """Return the values that the signals of a run have, in the units of ``_DECLARED``."""
+    """Return frequency, stroke, command and temperature of a run's signals, in the units of ``_DECLARED``."""
     values: dict[str, float] = {}
     frequency = _frequency(run)
     if frequency is not None:

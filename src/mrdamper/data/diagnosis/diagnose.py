@@ -30,7 +30,7 @@ def diagnose(recording: Recording, prepared: PreparedRun | None = None) -> tuple
     recording : run as read. A ``RigRun`` has already passed the checks of time and range.
     prepared : run as prepared for a fit. If it is missing, it is computed here.
     """
-    with np.errstate(over="ignore", invalid="ignore"):  # Overflow is reported as a size.
+    with np.errstate(over="ignore", invalid="ignore"):  # Overflow is reported as an implausible size.
         found = list(find_missing_numbers(recording))
         lengths = {len(values) for values in channels_of(recording).values()}
         if not found and len(lengths) == 1 and len(recording) > 1:
@@ -63,7 +63,7 @@ def _diagnose_valid_record(recording: Recording, prepared: PreparedRun | None) -
 
 
 def _fault_findings(error: InputError) -> list[Finding]:
-    """Return one finding for each fault for which the run was rejected."""
+    """Return one finding for each fault in the error of a rejected run."""
     return [
         Finding(
             kind="refused",

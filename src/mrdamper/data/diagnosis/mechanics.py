@@ -18,9 +18,9 @@ from mrdamper.data.prepare import PreparedRun
 
 
 def find_wrong_sign(prepared: PreparedRun) -> Finding:
-    """Return the finding on a force with the wrong sign: opposed to the velocity.
+    """Return the finding that force and velocity have opposite signs.
 
-    ``prepared`` is the run with the corrected sign.
+    ``prepared`` is the run with the corrected sign of the force.
     """
     scored = slice(prepared.scored_from, None)
     correlation = -float(np.corrcoef(prepared.force[scored], prepared.trajectory.velocity[scored])[0, 1])
@@ -57,10 +57,10 @@ def find_force_offset(prepared: PreparedRun) -> Iterator[Finding]:
         unit="N",
         found=f"force has an offset of {offset:+.4g} N ({percent(abs(offset) / spread)} of its "
         "standard deviation)",
-        effect="A law without an offset leaves it in its error, and takes part of it for asymmetry",
-        remedy="Zero the load cell. If it is a gas preload, or the damper is stronger one way (the offset "
-        "grows with the force), keep it: a law with an offset takes the first, the "
-        "asymmetries of chain take the second",
+        effect="A law without an offset keeps it as an error, and fits a part of it as asymmetry",
+        remedy="Zero the load cell. Keep the offset if its cause is a gas preload (fit a law with an offset) "
+        "or a damper that is stronger in one direction (the offset grows with the force; fit the "
+        "asymmetries of chain)",
     )
 
 
@@ -92,9 +92,9 @@ def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
             to_s=ends,
             found=f"mean {channel} moves by {shown} from the first to the last of {len(whole)} cycles "
             f"({percent(abs(size) / scale)} of its range)",
-            effect="A stiffness turns it into a force that nobody measured"
+            effect="A stiffness turns the drift into a force that was not measured"
             if channel == "displacement"
-            else "A constant offset cannot follow it: it stays in the error",
+            else "A constant offset cannot follow the drift, which remains as an error",
             remedy="Use a law without stiffness, or Preparation(reference='mean'), or a shorter segment"
             if channel == "displacement"
             else "Let the load cell and its amplifier warm up; take a shorter segment",
@@ -110,7 +110,7 @@ def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
             found=f"the range of force {'grows' if found.spread_percent > 0 else 'falls'} by "
             f"{abs(found.spread_percent):.2g} % from the first to the last of {len(whole)} cycles",
             effect="A model at one temperature can only follow the middle: about "
-            f"{0.3 * abs(found.spread_percent):.2g} % of error stay",
+            f"{0.3 * abs(found.spread_percent):.2g} % of error remain",
             remedy="Record the temperature with the run, or take the segment after the damper has settled",
         )
 
@@ -147,10 +147,10 @@ def find_force_lag(prepared: PreparedRun) -> Iterator[Finding]:
 
 
 def _static_force(prepared: PreparedRun) -> float | None:
-    """Return the static force [N]: the mean over whole cycles, or the fitted force at zero velocity.
+    """Return the static force [N], None if the run has no whole cycle.
 
-    The mean is for periodic motion. For other motions, the force is fitted as a + b sign(v) + c v + d x, and
-    a is the static force.
+    The static force of a periodic motion is the mean force over whole cycles. For other motions, the force is
+    fitted as a + b sign(v) + c v + d (x - mean of x), and a is the static force.
     """
     whole = cycles(prepared)
     if not len(whole):

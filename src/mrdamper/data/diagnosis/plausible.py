@@ -1,10 +1,10 @@
 """Plausibility of force, current and stroke of a campaign, compared with published dampers.
 
-A unit factor that is wrong in all runs has no other symptom because the fitted coefficients scale with the
-factor. The finding requests a confirmation of the unit. No data are changed.
+A unit that is wrong in all runs has no other symptom, because the fitted coefficients scale with the unit
+factor. The finding requests a comparison of the unit with the data sheet. No data are changed.
 
 Sources of the ranges: a damper for off-road vehicles of 1.1 to 7.4 kN and a stroke of 180 mm (J. Intell.
-Mater. Syst. Struct. 2023, 10.1177/1045389X221151075), one for buildings of 15 t (Sternberg, Zemp and de la
+Mater. Syst. Struct. 2023, 10.1177/1045389X221151075), a damper for buildings of 15 t (Sternberg, Zemp, de la
 Llera, Engineering Structures 69, 2014, 194-205), and the public runs of the tests. The limits are rounded
 outwards.
 """
@@ -51,6 +51,6 @@ def find_implausible_damper(runs: Sequence[Recording]) -> Iterator[Finding]:
             found=f"the largest {channel} of all runs is {value:.3g} {unit}; published magnetorheological "
             f"dampers have {low:.3g} to {high:.3g} {unit}"
             + (", those of buildings up to 150 kN" if channel == "force" else ""),
-            effect="With a wrong unit every coefficient is wrong by its factor, and the fit looks as good",
+            effect="A wrong unit makes all coefficients wrong by its factor, but the fit looks as good",
             remedy=f"Compare the unit with the data sheet ({_HINTS[channel]}?); nothing was changed",
         )

@@ -28,9 +28,9 @@ class Drift:
 def repeatability(prepared: PreparedRun) -> float | None:
     """Return the rms deviation of the force from the mean cycle, in % of the force's standard deviation.
 
-    Cycles are aligned by phase. Ignored are cycles whose stroke or duration differs by more than 3 % from the
-    median, and cycles whose end differs by more than 3 % of the stroke from their start (ramps). The result
-    is None if the run is not periodic or has fewer than two typical cycles.
+    Cycles are aligned by phase. A cycle is ignored if its stroke or duration differs by more than 3 % from
+    the median, or if its end position differs by more than 3 % of the stroke from its start (a ramp). The
+    result is None if the run is not periodic or has fewer than two typical cycles.
     """
     if prepared.period_s is None:
         return None
@@ -63,9 +63,9 @@ def drift(prepared: PreparedRun) -> Drift | None:
 def estimate_lag(prepared: PreparedRun, period_s: float) -> float:
     """Return the lag [s] of the force relative to the velocity by cross-correlation over two or more cycles.
 
-    The search covers a quarter of the period and uses whole periods. A parabola through the three largest
-    values resolves fractions of a sample. The lag is the sum of the hysteresis of the damper and the delay
-    between the channels. Therefore compare lags between runs, or check only the sign.
+    The search covers lags up to a quarter of the period and correlates whole periods. A parabola through the
+    maximum and its neighbours resolves fractions of a sample. The lag is the sum of the hysteresis of the
+    damper and the delay between the channels. Therefore compare lags between runs, or check only the sign.
     """
     path = prepared.trajectory
     per_cycle = period_s / path.step

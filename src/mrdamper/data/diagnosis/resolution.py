@@ -39,9 +39,9 @@ def find_few_samples(prepared: PreparedRun) -> Iterator[Finding]:
 
 
 def find_noise(prepared: PreparedRun) -> Iterator[Finding]:
-    """Generate findings on noise of the force and on its deviation from cycle to cycle.
+    """Generate findings on noise of the force and on its deviation from the mean cycle.
 
-    Noise and deviation are relative to the standard deviation of the force.
+    Both are compared with the standard deviation of the force.
     """
     spread = float(np.std(prepared.force[prepared.scored_from :]))
     noise = white_noise(prepared.force[prepared.scored_from :])
@@ -81,8 +81,8 @@ def find_interference(prepared: PreparedRun) -> Iterator[Finding]:
 
     The cause is interference or an alias.
 
-    The deviation from the mean cycle contains noise, drift, or a slow change of the force (close to
-    multiples of the motion's frequency). A line between these multiples is not caused by the motion.
+    The spectrum of the deviation from the mean cycle contains noise. Drift and slow changes of the force are
+    close to multiples of the motion's frequency. A line between these multiples is not caused by the motion.
     """
     if prepared.period_s is None or prepared.run.constant_command is None:
         return
@@ -120,8 +120,8 @@ def white_noise(values: FloatArray) -> float:
     """Return the standard deviation of the white noise in a signal from its fourth differences.
 
     Fourth differences remove the smooth part of the signal. The median of their absolute values is
-    insensitive to the few samples at corners. Quantisation does not count as noise if the signal keeps one
-    value for many samples.
+    insensitive to the few samples at corners. Quantisation is not counted as noise if the signal has the same
+    value at many consecutive samples.
     """
     if len(values) < 16:
         return 0.0

@@ -20,11 +20,11 @@ STEP_RATIO = math.sqrt(12.0)  # The standard error of rounding is the step divid
 
 
 def find_clipping(recording: Recording) -> Iterator[Finding]:
-    """Generate findings on clipped channels: far more samples at the exact extreme than near it.
+    """Generate findings on clipped channels: far more samples have the extreme value than the next values.
 
-    The number of samples at the extreme is compared with the numbers at the next four values, which a smooth
-    signal reaches nearly as often. A segment of extreme values counts only if the signal enters or leaves the
-    segment with a slope. This condition excludes the reversals of a coarsely quantised sine.
+    The number of samples with the extreme value is compared with the mean number at the next four values,
+    which a smooth signal reaches nearly as often. A segment of extreme values counts only if the signal
+    enters or leaves it with a slope. This condition excludes the reversals of a coarsely quantised sine.
     """
     for role, values in _varying_channels(recording):
         counts = np.unique(values, return_counts=True)[1]
@@ -71,7 +71,7 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
             if b - a < least:
                 break
             if max(steps[a], steps[b + 1]) <= near:
-                continue  # The motion is slow, so that the converter does not change its value.
+                continue  # The motion is so slow that the converter's output is constant.
             # The force may relax at rest.
             share = SETTINGS.stuck_motion_ratio_min if role == "force" else 0.5
             if np.ptp(other[a : b + 1]) < share * moved:
@@ -87,14 +87,14 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
                 found=f"{role} keeps {values[a]:.5g} {QUANTITIES[role].unit} from "
                 f"{recording.time[a]:.4g} s to {recording.time[b]:.4g} s while the other channel goes "
                 "on: a stuck sensor or a lost connection",
-                effect="The loop has a segment that no law can follow, and all coefficients bend towards it",
+                effect="The loop has a segment that no law can follow, and all coefficients become biased",
                 remedy="Cut the run before that place (from_s, to_s of the preparation), or record it again",
             )
             break
 
 
 def _coarse_step(values: FloatArray) -> float:
-    """Return the resolution of a channel if coarse relative to the standard deviation, else 0."""
+    """Return the resolution of a channel if coarse relative to the channel's standard deviation, else 0."""
     resolution = resolution_of(values)
     return resolution if resolution / STEP_RATIO > SETTINGS.coarse_note_ratio * float(np.std(values)) else 0.0
 
@@ -116,7 +116,7 @@ def find_coarse_steps(recording: Recording) -> Iterator[Finding]:
             unit=unit,
             found=f"{role} has steps of {factor * resolution:.3g} {shown}: "
             f"{round(float(np.ptp(values)) / resolution) + 1} levels over the run",
-            effect=f"No model can come closer than {percent(error)} of the force's spread"
+            effect=f"No model can have an error below {percent(error)} of the force's standard deviation"
             if role == "force"
             else "Steps of the displacement become jumps of the velocity; smoothing takes out what it can",
             remedy="Use more of the converter's range (a smaller range, a larger gain)",
@@ -146,13 +146,13 @@ def find_spikes(recording: Recording) -> Iterator[Finding]:
             to_s=float(recording.time[bad[-1]]),
             found=f"{role} has {len(bad)} spike{'s' if len(bad) > 1 else ''}, the largest of "
             f"{away[worst - 1]:.3g} {unit} at {recording.time[worst]:.4g} s",
-            effect="Squared errors give a spike far more weight than a sample",
+            effect="Squared errors give a spike far more weight than a valid sample",
             remedy="Cut the samples out, and look for a loose plug or a switching device nearby",
         )
 
 
 def resolution_of(values: FloatArray) -> float:
-    """Return the step of a quantised channel, 0 for a continuous one."""
+    """Return the step of a quantised channel, 0 for a continuous channel."""
     levels = np.unique(values)
     if len(levels) < 3 or len(levels) > 0.5 * len(values):
         return 0.0
@@ -192,7 +192,7 @@ def _has_slope(values: FloatArray, a: int, b: int) -> bool:
 def _stuck_length(segments: list[tuple[int, int]]) -> float:
     """Return the length [time steps] from which a constant segment indicates a stuck sensor.
 
-    The length is increased if the channel has at least five constant segments and many are long.
+    The length is larger if the channel has at least five constant segments and many of them are long.
     """
     if len(segments) < 5:
         return SETTINGS.stuck_steps_min

@@ -1,4 +1,4 @@
-"""Findings on the time stamps of a run: lost samples and jumps."""
+"""Findings on the timing of a run: lost samples and jumps of the displacement."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mrdamper.data.records import Recording
 
 
 def find_lost_samples(recording: Recording) -> Iterator[Finding]:
-    """Generate a finding on lost samples."""
+    """Generate a finding on lost samples: time steps longer than 1.5 times the median time step."""
     steps = np.diff(recording.time)
     usual = float(np.median(steps))
     lost = np.flatnonzero(steps > SETTINGS.lost_step_ratio_min * usual)
@@ -31,14 +31,14 @@ def find_lost_samples(recording: Recording) -> Iterator[Finding]:
             found=f"about {missing} samples are missing at {len(lost)} places ({percent(0.01 * share)}), "
             f"the first after sample {lost[0]}",
             effect="They are filled in by interpolation, which flattens the force at reversals",
-            remedy="Check the load of the recording computer; record again when the places are many",
+            remedy="Check the load of the recording computer; record again if there are many such places",
         )
 
 
 def find_phase_jumps(recording: Recording) -> Iterator[Finding]:
     """Generate findings on jumps of the displacement between two samples with regular time stamps.
 
-    Lost or doubled samples cause such jumps. A spike is not a jump because the signal returns to the motion.
+    Lost or doubled samples cause such jumps. A spike is not a jump because the signal returns after it.
     """
     x = recording.displacement
     if len(x) < SETTINGS.jump_samples_min:
@@ -69,6 +69,6 @@ def find_phase_jumps(recording: Recording) -> Iterator[Finding]:
         found=f"the displacement jumps at {len(places)} place{'s' if len(places) > 1 else ''} where time "
         f"goes on evenly, the first at {recording.time[places[0]]:.4g} s: about {samples:.0f} samples "
         "are lost or doubled",
-        effect="Velocity there is wrong, and all that follows is shifted against the clock",
+        effect="Velocity there is wrong, and all later samples are shifted in time",
         remedy="Check the load of the recording computer and its buffers; cut the run at these places",
     )

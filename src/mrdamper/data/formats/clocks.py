@@ -49,11 +49,11 @@ class Sampling:
     step_s: float
     offset_s: float = 0.0
     began: Moment | None = None
-    has_unit: bool = True  # False: a number without a unit, taken in seconds or hertz
+    has_unit: bool = True  # False: the file states no unit, and seconds or hertz are assumed
 
     @property
     def is_plausible(self) -> bool:
-        """True if the step has a unit, or is between 1 us and 20 ms in seconds."""
+        """Return True if the step has a unit in the file, or is between 1 us and 20 ms."""
         return self.has_unit or 1e-6 <= self.step_s <= 0.02
 
     @property
@@ -121,7 +121,7 @@ def with_samplings(
     times = {name: times_of(starts[name] - zero, each.step_s, channels[name]) for name, each in known.items()}
     clocked = with_times(replace(table, start=start), times)
     clocks = dict(clocked.clocks)
-    for name in channels.keys() - known.keys():  # These channels use the only clock of equal length, if any.
+    for name in channels.keys() - known.keys():  # These channels use the only clock of equal length.
         fitting = {clocked.clocks[other] for other in known if channels[other] == channels[name]}
         if len(fitting) == 1:
             clocks[name] = fitting.pop()
@@ -153,7 +153,7 @@ def with_times(table: Table, times: Mapping[str, FloatArray]) -> Table:
 
 
 def is_same_clock(times: FloatArray, other: FloatArray) -> bool:
-    """Return True if two channels have equal times, except for a hundredth of a step."""
+    """Return True if the times of two channels differ by at most a hundredth of a step."""
     if times is other or len(times) != len(other):
         return times is other
     step = np.ptp(times) / max(len(times) - 1, 1)
@@ -163,8 +163,8 @@ def is_same_clock(times: FloatArray, other: FloatArray) -> bool:
 def _with_begin(known: Mapping[str, Sampling]) -> dict[str, Sampling]:
     """Return the samplings of channels that can share a time zero.
 
-    If the channels state at most one start, all channels have this start. Otherwise the channels without a
-    start are omitted.
+    If the file states at most one start, it applies to all channels. Otherwise the channels without a start
+    are omitted.
     """
     begins = {each.began_s for each in known.values()} - {None}
     if len(begins) == 1:

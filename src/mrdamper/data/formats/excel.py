@@ -1,4 +1,4 @@
-"""Excel workbooks (.xlsx, .xlsm): each sheet with rows of numbers, or the named sheet.
+"""Excel workbooks (.xlsx, .xlsm): tables from each sheet with rows of numbers, or from the named sheet.
 
 A workbook is a zip archive, which can be larger than the memory when unpacked. The unpacked size and the
 number of cells are counted before the workbook is read.
@@ -30,7 +30,7 @@ Row = list[Any]
 
 
 def read_workbook(path: Path, options: FileOptions) -> Table:
-    """Return the table on a sheet of a workbook. The cells are parsed like a text."""
+    """Return the table on the named or first sheet with samples; ``more`` has the names of further sheets."""
     book = _open(path)
     names = list(book.sheet_names)
     if options.part and options.part not in names:
@@ -78,7 +78,7 @@ def _open(path: Path) -> Any:  # noqa: ANN401 - python-calamine has no types
 
 
 def _table(path: Path, sheet: str, rows: Sequence[Row], options: FileOptions) -> Table:
-    """Return the table on a sheet."""
+    """Return the table on a sheet. The cells are written as a text and parsed by the text reader."""
     words = [cell for row in rows[: SETTINGS.header_lines_max] for cell in row if isinstance(cell, str)]
     decimal = options.decimal or find_decimal(path, words, "\t") or "."
     text = "\n".join("\t".join(_spelled(cell, decimal) for cell in row) for row in rows) + "\n"

@@ -1,4 +1,4 @@
-"""Arrays in groups and structures: their names, recordings of the same channels, attributes, clocks."""
+"""Tables of arrays from groups and structures: names of columns, repeated recordings, attributes, clocks."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ class StoredArray:
 
     @property
     def is_setting(self) -> bool:
-        """True if the array is the start time, time step or rate of a structure instead of a column."""
+        """Return True if the array is the start time, time step or rate of a structure, and not a column."""
         return self.size == 1 and len(self.path) > 1 and is_setting_of_time(self.name)
 
     @property
     def is_time(self) -> bool:
-        """True if the array is a clock, or its name is a name of a time column."""
+        """Return True if the array is a clock, or its name means time."""
         header = parse_header(self.name)
         return self.is_clock or (
             self.size > 1 and (header[0] == "time" if header else speaks_of(self.name, "time"))
@@ -53,11 +53,11 @@ class StoredArray:
 def table_of_arrays(
     arrays: Iterable[StoredArray], file: Path, layout: Layout, units: Mapping[tuple[str, ...], str]
 ) -> Table:
-    """Return the table of the arrays in ``layout.part``, or in the first of several recordings.
+    """Return the table of the arrays in ``layout.part``. Of several recordings, only the first is returned.
 
     Parameters
     ----------
-    units : path -> text, of the texts in a structure called ``units``
+    units : path -> text; a text in a structure such as ``units`` is the unit of the array with its name
     """
     inside = [each for each in rename_by_structures(arrays) if is_in_part(each.path, layout.part)]
     others = recordings_in([each.path for each in inside if each.size > 1 and not each.is_clock])
@@ -168,7 +168,7 @@ def recordings_in(paths: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
         for path in paths:
             if len(path) > depth:
                 inside.setdefault(path[:depth], set()).add(path[depth:])
-        # Groups with two or more equal names record the same channels.
+        # Groups with two or more equal channel names record the same channels.
         alike = [
             group
             for group, names in inside.items()

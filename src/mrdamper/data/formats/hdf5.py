@@ -61,11 +61,11 @@ class _Tree:
 
     def __init__(self, h5py: Any, file: Any, path: Path, matlab: bool) -> None:  # noqa: ANN401, FBT001 - no types
         self._h5py, self._file, self._path, self._matlab = h5py, file, path, matlab
-        self._seen: set[int] = set()  # Groups and lists of references: links can be circular.
+        self._seen: set[int] = set()  # Addresses that were read already, because links can be circular.
 
     def structure(self, group: Any) -> Any:  # noqa: ANN401 - h5py has no types
         """Return the members of a group that are stored in the file; a list for an array of structures."""
-        names = [name for name in group if not (self._matlab and name.startswith("#"))]  # #refs#
+        names = [name for name in group if not (self._matlab and name.startswith("#"))]  # "#refs#"
         links = {name: group.get(name, getlink=True) for name in names}
         members = {name: group[name] for name, at in links.items() if isinstance(at, self._h5py.HardLink)}
         listed = [self._refers(item) and "MATLAB_class" not in item.attrs for item in members.values()]
@@ -119,7 +119,8 @@ class _Tree:
 def _is_stored(item: Any) -> bool:  # noqa: ANN401 - h5py has no types
     """Return True if the file contains the numbers of a data set.
 
-    False for external and virtual data sets, and for an empty array of MATLAB, which stores only its shape.
+    False for external and virtual data sets, for an empty array of MATLAB, which stores only its shape, and
+    for an array that is implausibly large for its stored bytes.
     """
     if item.external or item.is_virtual or not item.size or item.attrs.get("MATLAB_empty"):
         return False

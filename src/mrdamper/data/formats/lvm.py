@@ -64,7 +64,7 @@ def read_lvm(path: Path, _options: FileOptions) -> Table:
         if each[2].rstrip() != headers[0][2].rstrip():
             raise InputError(
                 place=f"{path}, line {above}",
-                found="the columns are not those of the first segment",
+                found="the columns differ from the columns of the first segment",
                 remedy="Split the file there",
             )
         layout = Layout("LabVIEW measurement text", delimiter, decimal, above, notes=head.notes)
@@ -98,7 +98,7 @@ def _sampling(tags: Tags, channel: int) -> Sampling:
     x0, step, date, clock = (given[min(channel, len(given) - 1)] for given in cells)
     settings = {"t offset s": x0.replace(",", "."), "delta x s": step.replace(",", ".")}
     if date:
-        # Fractions of a second have many digits.
+        # LabVIEW writes more decimals of a second than a time stamp may have.
         settings["start time"] = re.sub(r"([.,]\d{6})\d+", r"\1", f"{date} {clock}")
     return stated_sampling(settings) or Sampling(math.nan, began=moment_of(settings.get("start time", "")))
 
@@ -107,7 +107,7 @@ def _with_clock(table: Table, tags: Tags) -> Table:
     """Return a table with the times and the units that the header states for the channels."""
     columns, units = dict(table.columns), dict(table.units)
     clocks = [name for name in columns if name == _X or name.startswith(f"{_X} (")]
-    # There is one cell above each column.
+    # The tag Y_Unit_Label has one cell for each column after the first.
     for name, unit in zip(table.names[1:], tags.get("Y_Unit_Label", []), strict=False):
         said = unit_in_brackets(name)
         if unit and name in columns.keys() - clocks and not (said and is_unit(said)):
@@ -116,7 +116,7 @@ def _with_clock(table: Table, tags: Tags) -> Table:
         return replace(table, units=units)
     x = [columns.pop(name) for name in clocks]
     names = tuple(name for name in table.names if name not in clocks)
-    # Channels may differ in length: the cells at the end of a column are then empty.
+    # If channels differ in length, the cells at the end of the shorter columns are empty.
     rows = {name: np.flatnonzero(np.isfinite(values)) for name, values in columns.items()}
     ends = {name: int(filled[-1]) + 1 if len(filled) else 0 for name, filled in rows.items()}
     cut = {name: values[: ends[name]] for name, values in columns.items()}

@@ -23,7 +23,7 @@ def is_mat(head: bytes) -> bool:
 
 
 def _is_version_4(head: bytes) -> bool:
-    """Return True if the first bytes are a type, a shape, and the length of a name that ends with zero."""
+    """Return True if the first bytes are a header of version 4: type, shape, and a name that ends in zero."""
     for order in "<>":
         kind, rows, columns, imaginary, length = struct.unpack(f"{order}5i", head[:20].ljust(20, b"\xff"))
         name = head[20 : 20 + length] if 1 < length <= 64 else b""

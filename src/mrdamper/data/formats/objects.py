@@ -1,4 +1,4 @@
-"""JSON files, files with one JSON object per line, and NumPy archives; values are read by name.
+"""JSON files, files with one JSON object per line, and NumPy archives. All contain values by name.
 
 In JSON, lists of numbers are columns and lists of objects are rows. If an object has a list of rows, lists of
 words in the same object are the names and units of the columns. Pickled objects in an archive are never
@@ -23,7 +23,7 @@ from mrdamper.errors import InputError
 def read_npz(path: Path, options: FileOptions) -> Table:
     """Return the arrays of an archive (``numpy.savez``) as columns."""
     with (
-        path.open("rb") as stream,  # NumPy leaves it open if the archive is damaged.
+        path.open("rb") as stream,  # NumPy would leave a damaged archive open.
         np.load(stream, allow_pickle=False) as archive,
     ):
         pickled: list[str] = []

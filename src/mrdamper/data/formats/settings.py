@@ -43,7 +43,7 @@ class ReadingSettings:
     # Shape of a column
     swing_ratio_min: float = 0.2  # min change of the signal after a reversal / range of the signal
     reversal_count_min: int = 5
-    half_period_ratio_max: float = 0.2  # deviation of half periods from their median
+    half_period_ratio_max: float = 0.2  # relative deviation of half periods from their median
     # A column is noise of a disconnected sensor if its range, divided by the range of another column of the
     # same quantity, and the correlation of the two columns are both below these limits.
     noise_range_ratio_max: float = 0.01

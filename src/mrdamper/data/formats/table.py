@@ -27,7 +27,7 @@ MISSING_MARKS = (
     *("N/A", "n/a", "NA", "null", "NULL", "None", "OVERFLOW", "Overflow", "OVL", "OL", "ERROR", "INVALID"),
     *("#WERT!", "#VALUE!", "#VALEUR!", "#DIV/0!", "#REF!", "#BEZUG!", "#NAME?", "#NUM!", "#ZAHL!", "#NULL!"),
 )
-"""Cells by which spreadsheets and loggers mark a missing value."""
+"""Texts that spreadsheets and loggers write into the cell of a missing value."""
 
 Value = TypeVar("Value")
 Texts = list[str | None]
@@ -122,11 +122,11 @@ class Table:
     units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     clocks: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))  # column -> clock number
     recorded_apart: bool = False  # True: the channels may begin and end at different times
-    # Columns that were times of day or dates, with the moment of their first value.
+    # Columns that were converted from times of day or dates, with the moment of their first value.
     stamps: Mapping[str, Moment] = field(default_factory=lambda: MappingProxyType({}))
     start: Moment | None = None  # Moment of time zero.
     title: str = ""  # Title of the sheet, group or structure.
-    said: tuple[str, ...] = ()  # Lines above the table, or its attributes: "name: value".
+    said: tuple[str, ...] = ()  # Lines above the table, or lines "name: value" of its attributes.
     # Factors that the file states for columns and that were not applied.
     scales: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     more: tuple[str, ...] = ()  # Further parts of the file with tables, as values for ``FileOptions.part``.
@@ -219,7 +219,7 @@ def as_text(value: Any) -> Any:  # noqa: ANN401 - any value
 
 
 def as_column(values: NDArray[Any]) -> tuple[FloatArray, str]:
-    """Return values as float64, and the unit that their type implies. Dates become seconds from the first."""
+    """Return values as float64, and the unit of their type. Dates become seconds from the first date."""
     flat = np.ravel(values)
     if flat.dtype.kind == "M":
         return (flat - flat[:1]).astype("timedelta64[ns]").astype(np.float64) * 1e-9, "s"

@@ -84,14 +84,14 @@ def _opened(path: Path) -> Iterator[Any]:
     """Open a file with npTDMS."""
     nptdms = load_extra("nptdms", "npTDMS", "TDMS files")
     with (
-        path.open("rb") as stream,  # npTDMS leaves it open if the file is damaged.
+        path.open("rb") as stream,  # npTDMS would leave a damaged file open.
         nptdms.TdmsFile.open(stream) as file,
     ):
         yield file
 
 
 def _numbers(path: Path, group: str, channel: str) -> FloatArray:
-    """Return the samples of a channel. Times are in seconds from the first."""
+    """Return the samples of a channel. Times are in seconds from the first time."""
     with _opened(path) as file:
         return as_column(np.asarray(file[group][channel][:]))[0]
 

@@ -53,7 +53,7 @@ _BLOCK_BYTES = 1 << 25
 
 @dataclass(frozen=True, slots=True)
 class Head:
-    """The first lines of a text. ``starts`` are the first byte of each line, and the byte after the last."""
+    """The first lines of a text. ``starts`` are the offsets of the lines, and of the byte after the last."""
 
     lines: tuple[str, ...]
     starts: tuple[int, ...]
@@ -70,7 +70,7 @@ def is_text(head: bytes) -> bool:
 class _Found:
     """The layout of a delimited text: its header, and the start of its rows."""
 
-    start: int  # byte
+    start: int  # Offset of the first row [bytes].
     header: Header
     layout: Layout
     above: tuple[str, ...] = ()  # The lines above the rows.
@@ -83,10 +83,10 @@ def read_text(path: TextSource, options: FileOptions) -> Table:
     if isinstance(found, Table):
         return found
     fault: InputError | None = None
-    if _content(path).find(b"\n#", found.start) < 0:  # There are comments among the rows.
+    if _content(path).find(b"\n#", found.start) < 0:  # There are no comments among the rows.
         try:
             table = _table(path, found)
-            if not all(np.isnan(values[-1]) for values in table.columns.values()):  # The last row has words.
+            if not all(np.isnan(values[-1]) for values in table.columns.values()):  # The last row has data.
                 return table
         except InputError as error:  # An invalid cell may belong to a line of words.
             fault = error
@@ -99,7 +99,7 @@ def read_text(path: TextSource, options: FileOptions) -> Table:
 
 
 def _table(path: TextSource, found: _Found, stop: int | None = None) -> Table:
-    """Return the table of the rows from ``found.start`` to byte ``stop``, with the settings of the header."""
+    """Return the table of the rows from ``found.start`` to byte ``stop``, with factors of the header."""
     header = found.header
     table = parse_rows(path, found.start, header.names, found.layout, stop)
     table = replace(table, said=header.said)
@@ -140,11 +140,11 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
     if not long or (len(blocks) == 1 and not trailer):
         return None
     notes, header, above = layout.notes, found.header, [line for line in found.above if line.strip()]
-    # The first block has the lines of its own, as the other blocks, below the lines about the file.
+    # The lines about the file come first. The first block has as many lines of its own as later blocks.
     count = len(above) - max((len(block.above) for block in long[1:]), default=len(above))
     shared = above[: max(count, 0)]
     about_file = {*statements(shared, layout.delimiter)}
-    # A command directly above the names, without a blank line, may belong to the first block alone.
+    # A command directly above the names, without a blank line, may apply only to the first block.
     near = [line for line in statements(shared[-1:], layout.delimiter) if labels_in(line, "current")]
     is_near = bool(near) and all(map(str.strip, found.above[found.above.index(shared[-1]) :]))
     stated: list[str] = []
@@ -173,7 +173,7 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
 
 
 def _is_restated(line: str, own: Sequence[str]) -> bool:
-    """Return True if the lines of a block state a quantity that a line about the file states, too."""
+    """Return True if the lines ``own`` of a block state a quantity of ``line``, which is about the file."""
     return any(labels_in(line, role) and labels_in(each, role) for role in CONDITIONS for each in own)
 
 
@@ -201,7 +201,7 @@ def _look(path: TextSource, options: FileOptions) -> _Found | Table:
 
 
 def _transposed(path: TextSource, head: Head, options: FileOptions) -> Table | None:
-    """Return the table of a text with a row for each channel (name, then samples), None for other texts."""
+    """Return the table of a text if each row is a channel (name, then samples), else None."""
     if len(head.lines) > SETTINGS.table_columns_max:
         return None
     lines = _content(path).decode(head.encoding).splitlines() or [""]
@@ -273,7 +273,7 @@ def parse_rows(
 
 
 def _add_milliseconds(numbers: dict[str, FloatArray], clock: str, beside: Sequence[str]) -> None:
-    """Add a column of milliseconds to the clock of whole seconds before it."""
+    """Add the milliseconds in the column next to a clock of whole seconds to this clock."""
     for name in beside if clock in numbers else ():
         part = numbers.get(name, np.empty(0))
         falls, steps = np.diff(part) < 0.0, np.diff(numbers[clock])
@@ -292,10 +292,10 @@ def _column_blocks(
     *,
     stamps: dict[int, Timestamps],
 ) -> Iterator[list[FloatArray | Texts]]:
-    """Generate the columns of each block: numbers, or cells if the first block has texts.
+    """Generate the columns of each block. The first block decides if a column has numbers or texts.
 
     An invalid cell in a column of numbers is an error. Columns of times of day or dates are converted to
-    numbers and added to ``stamps``.
+    numbers, and their readers are added to ``stamps``.
     """
     numeric: list[bool] = []
     for content, first_line in _blocks(path, start, stop, (layout.header_lines or 0) + 1):
@@ -351,7 +351,7 @@ def _blocks(path: TextSource, start: int, stop: int | None, first_line: int) -> 
 
 
 def _parse_numeric_block(content: bytes, layout: Layout, count: int) -> list[FloatArray | Texts] | None:
-    """Return the columns of a block, which NumPy reads faster, or None if the block is not purely numeric."""
+    """Return the columns of a block, which NumPy parses quickly, or None if a cell is not a number."""
     if not content.strip() or layout.decimal == layout.delimiter:
         return None
     if layout.decimal == ",":

@@ -2,10 +2,10 @@
 
 Examples: ``10:15:02.250``, ``2026-11-21T10:15:02.250``, ``21.11.2026 10:15:02,250 PM``.
 
-Times are converted to seconds from the first. An offset from UTC (``+02:00``, ``Z``) is subtracted. If the
-time of day decreases by more than half a day, midnight has passed. A date such as 11/12/2026 has two
-readings: day first or month first. A file with such dates may contain only one of them, unless another date
-in the file has only one valid reading.
+Times are converted to seconds from the first time. An offset from UTC (``+02:00``, ``Z``) is subtracted. If
+the time of day decreases by more than half a day, midnight has passed. A date such as 11/12/2026 has two
+readings: day first or month first. All such dates in a file must be the same date, unless another date in
+the file has only one valid reading.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _CLOCK_INSIDE = re.compile(rf"(?<![0-9:]){_CLOCK}(?![0-9:])")
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 DAY_S = 86400.0
 _NO_DAY = (math.nan, math.nan)
-# Words above a table that mark the start of a record, a date of the record, or a date of a different event.
+# Words above a table. They mark the start of a record, a date of the record, or the date of another event.
 _START = re.compile(r"start|beg[ai]n|trigger|\bt ?0\b|anfang|d[ée]but|inicio|开始", re.IGNORECASE)
 _RECORD = re.compile(r"dat[eu]|time|zeit|record|measur|mess|acqui|fecha|hora|heure|日期|时间", re.IGNORECASE)
 _OTHER = re.compile(
@@ -81,7 +81,7 @@ def moment_of(text: str) -> Moment | None:
 
 
 def start_in(lines: Iterable[str]) -> Moment | None:
-    """Return the start of a record that lines of words state, None unless there is exactly one time of day.
+    """Return the start of a record that lines of words state, None unless they state exactly one time of day.
 
     Lines about a start have priority over lines about the record in general.
     """
@@ -107,10 +107,10 @@ class Timestamps:
 
     def __init__(self) -> None:
         self.first: Moment | None = None
-        self._start = 0, 0.0  # Day, and seconds of this day.
+        self._start = 0, 0.0  # First time: day, and seconds of this day.
         self._last_s, self._midnights = -np.inf, 0
         self._reading: int | None = None  # The reading of the dates: 0 is day first, 1 is month first.
-        self._only = ""  # A date with two readings.
+        self._only = ""  # The only accepted date if all dates have two readings.
 
     def seconds(self, cells: Texts) -> FloatArray:
         """Return the time [s] since the first time stamp of the column, NaN if a cell is not a time.

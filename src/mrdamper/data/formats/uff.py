@@ -1,4 +1,4 @@
-"""Universal files (.unv, .uff), data sets 58 and 58b, read by pyuff: one function of time is one channel.
+"""Universal files (.unv, .uff): each function of time (data set 58 or 58b) is one channel, read by pyuff.
 
 Channels with the same name belong to successive recordings. Spectra, complex values and other data sets are
 ignored.

@@ -1,8 +1,8 @@
 """Columns from named values: structures, lists, texts and arrays of MAT, HDF5, JSON and NumPy files.
 
 A structure's field ``run.force`` is a column. A matrix has the columns ``column 1 of data`` and so on. If
-lists with one word per column exist, they are the names and units. A structure that holds one signal and its
-name is a column of that name (``signals``).
+the file has lists with one word per column, the words are the names and units. A structure that contains one
+signal and its name is one column with this name (``signals``).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _NO_SETTINGS: Mapping[str, object] = MappingProxyType({})
 def table_of_variables(
     variables: Mapping[str, Any], path: Path, options: FileOptions, kind: str, skipped: Sequence[str] = ()
 ) -> Table:
-    """Return the columns of a file's variables: arrays, and arrays in structures and lists.
+    """Return the table of a file's variables. Arrays, also those in structures and lists, are columns.
 
     A structure or an array may have attributes in ``settings``.
     """
@@ -112,7 +112,7 @@ class _Variables:
         self.texts |= {(*path, name): text for name, text in texts.items()}
 
     def _names_of_columns(self, path: tuple[str, ...], matrix: Any, across: int) -> list[tuple[str, ...]]:  # noqa: ANN401
-        """Return the last part of the path of each column of a matrix.
+        """Return the name of each column of a matrix, as the end of its path.
 
         The names come from lists of words. A list whose name begins with the first word of the matrix's name
         has priority, then a list with a name such as "names" or "channels".
@@ -138,7 +138,7 @@ class _Variables:
         settings: Mapping[str, object],
         line: tuple[int, int] | None = None,
     ) -> None:
-        """Add an array, or a line of a matrix: its axis and index."""
+        """Add an array, or one row or column of a matrix (``line``: its axis and index)."""
         size = values.size if line is None else values.shape[1 - line[0]]
         self.arrays.append(StoredArray(path, size, partial(_read, values, line), unit, settings))
 

@@ -31,7 +31,8 @@ def join_channel_files(
 ) -> tuple[list[tuple[Path, RigFile]], set[Path]]:
     """Return the runs that are stored as one file per channel, and the files of these runs.
 
-    The files of a run have equal names except for the channel word, or are the only files in their folder.
+    The names of a run's files are equal except for the channel word, or a folder has only the files of one
+    run.
     """
     groups: dict[tuple[Path, str], dict[str, tuple[Path, Table, str, FloatArray]]] = {}
     for path in files:
@@ -60,7 +61,11 @@ def join_channel_files(
 
 
 def _channel_of(table: Table, chosen: ChannelMap, path: Path) -> tuple[str, str, FloatArray]:
-    """Return role, name and times [s] of the only channel of a table. Raise InputError otherwise."""
+    """Return role, name and times [s] of the only channel of a table.
+
+    Raise ValueError if there is not exactly one channel, IndexError if its role is unknown, InputError if it
+    has no times.
+    """
     headers = [header_of(table, name, path.name) for name in table.columns]
     times = [each for each in headers if "time" in each.of_unit]
     (channel,) = [each for each in headers if each not in times] if len(headers) <= 2 else []

@@ -1,6 +1,6 @@
 """Time of a table: clocks, sampling rate, and unit of the time column.
 
-Channels on several clocks are interpolated to the fastest clock over their common time.
+Channels on several clocks are interpolated to the times of the fastest clock in their common time span.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from mrdamper.quantities import roles_of_unit, to_si
 
 _TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6}  # Possible units of a time column, in ticks per second.
 MEASURED = frozenset({"displacement", "force", "velocity"})
-"""Roles without values outside their samples. Values of the remaining roles hold for one step outside."""
+"""Roles that are not extrapolated. Values of other roles hold one step before and after their samples."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OneClock:
-    """Columns by role, all sampled at the times of one clock; ``time`` is the time column."""
+    """Columns by role, all at the times of one clock. ``time`` is added if the table has several clocks."""
 
     columns: Mapping[str, FloatArray]
     interpolated: tuple[str, ...] = ()  # Roles of the interpolated columns.
@@ -93,7 +93,7 @@ def to_one_clock(table: Table, names: Mapping[str, str], chosen: ChannelMap, pla
 
 
 def _time_of(table: Table, clock: int) -> str:
-    """Return the name of the time column of a clock: the first column on it."""
+    """Return the name of the time column of a clock, which is its first column."""
     return next(name for name, other in table.clocks.items() if other == clock)
 
 
@@ -129,7 +129,7 @@ def _findings_of_common_time(
             remedy="Correct the start times in the file, or export one recording by itself",
         )
     used = f"{common_s:.4g} s of {whole_s:.4g} s"
-    is_short = common_s < 0.9 * whole_s  # A shorter common time of one recording needs an answer.
+    is_short = common_s < 0.9 * whole_s  # The user must confirm a shorter common time of one recording.
     if is_short and not (table.recorded_apart or chosen.file.common_time):
         raise ask(
             "time",
@@ -145,7 +145,7 @@ def _findings_of_common_time(
     latest = max(spans, key=lambda role: spans[role])
     late_s = spans[latest][0] - spans[earliest][0]
     is_apart = table.recorded_apart and late_s > slack_s
-    # Report an unused part of the recording above this fraction.
+    # An unused part of more than 1 % of the recording is reported.
     if not is_apart and whole_s - common_s <= 0.01 * whole_s:
         return ()
     begin = f"{latest} begins {late_s:.4g} s after {earliest}: " if late_s > slack_s else ""
@@ -163,7 +163,7 @@ def _findings_of_common_time(
 
 
 def with_clocks(table: Table) -> Table:
-    """Return a text's table in which each column has the clock of the preceding time column.
+    """Return the table of a text with a clock for each column: the clock of the preceding time column.
 
     Equal time columns are merged.
     """
@@ -190,7 +190,10 @@ def with_clocks(table: Table) -> Table:
 
 
 def stated_step(table: Table, chosen: ChannelMap, place: str) -> tuple[float | None, tuple[float, ...]]:
-    """Return the sampling interval [s] from the map or the file, and the rates [Hz] if they differ."""
+    """Return the sampling interval [s] from the map or the file, and the rates [Hz] that its words state.
+
+    There is no interval (None) without a stated rate, or with several different rates.
+    """
     if chosen.rate_Hz is not None or table.step_s is not None:
         return (table.step_s if chosen.rate_Hz is None else 1.0 / chosen.rate_Hz), ()
     rates = _rates_of(table) or rates_in([Path(place).stem.replace("_", " ")])
@@ -289,15 +292,15 @@ def require_one_rate(column: Column, table: Table, place: str) -> None:
             "time",
             "unit",
             place,
-            found=f"column {column.name!r} is in {column.unit}, and a sampling rate above it says otherwise",
-            expected="one and the same",
+            found=f"column {column.name!r} is in {column.unit}, but the sampling rate above it contradicts",
+            expected="a unit that agrees with the sampling rate",
             remedy="Give unit at [channel.time], or rate_Hz at [constant] of the channel map",
             candidates=list(_TICKS),
         )
 
 
 def _ticks_per_second(name: str, table: Table) -> float | None:
-    """Return the increase of a time column per second, None unless the file states one sampling rate."""
+    """Return the increase of a time column in one second, None unless the file states one sampling rate."""
     rates = _rates_of(table) if table.step_s is None else (1.0 / table.step_s,)
     steps = np.diff(table.columns[name]) if len(rates) == 1 else np.empty(0)
     return float(np.median(steps)) * rates[0] if len(steps) else None

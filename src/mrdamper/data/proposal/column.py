@@ -28,7 +28,7 @@ class Column:
     role: str
     name: str
     unit: str
-    source: str = "header"  # "map", "header", "unit alone", ...
+    source: str = "header"  # Reason for the choice, such as "map", "header" or "unit alone".
     gain: float | None = None  # SI per unit of the file, if the file states a scale.
 
     def channel(self, chosen: ChannelMap) -> Channel:
@@ -43,7 +43,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """Parsed header: word, unit, possible roles of the unit, and role of the word."""
+    """A parsed header: its word and unit, the roles that have this unit, and the role that the word names."""
 
     name: str
     word: str
@@ -53,10 +53,10 @@ class Header:
 
 
 def header_of(table: Table, name: str, place: str) -> Header:
-    """Return the parsed header of a column, with the unit that the file states elsewhere if needed."""
+    """Return the parsed header of a column. A missing unit is replaced by the unit stated in the file."""
     exact = parse_header(name)
     word, unit = word_and_unit(name)
-    if exact is not None and unit and exact[1] != unit:  # An example is "Travel_WA100 [mm]".
+    if exact is not None and unit and exact[1] != unit:  # A suffix hides the unit: "Travel_WA100 [mm]".
         exact = (exact[0], unit) if exact[0] in roles_of_unit(unit) else None
     if exact is not None:
         unit = _unit(table, name, exact, place)
@@ -75,7 +75,7 @@ def _unit(table: Table, name: str, header: tuple[str, str], place: str) -> str:
     stated = table.units.get(name, "")
     units = [word for word in (of_header, stated) if is_unit(word)]
     if len(units) == 2 and spell_unit(stated, role) != spell_unit(of_header, role):
-        found = f"column {name!r} states {stated!r} as its unit beside the name"
+        found = f"column {name!r} has another unit, {stated!r}, next to its name"
         raise InputError(place=place, found=found, remedy="Correct the file")
     return units[0] if units else of_header
 
@@ -92,9 +92,9 @@ def headers_of(table: Table, place: str) -> list[Header]:
 
 
 def explained(table: Table, notes: Sequence[str]) -> Table:
-    """Return a table with names and units of columns, and the sampling rate, from lines of a document.
+    """Add names and units of columns, and the sampling rate, from lines of a document to a table.
 
-    Only columns without a name or a unit are explained. Numbered entries name the columns if each has one.
+    Only missing names and units are added. Numbered entries name the columns if there is an entry for each.
     """
     legend = [entry for line in notes for entry in legend_in(line)]
     numbered = {number: f"{word} [{unit}]" for number, word, unit in legend if number is not None}
@@ -123,7 +123,10 @@ def _means_same(word: str, header: Header) -> bool:
 
 
 def meant_without_unit(role: str, headers: Sequence[Header]) -> Header | None:
-    """Return the only column without a unit that matches a role, with priority for measured columns."""
+    """Return the header without a unit that matches a role, None unless it is unique.
+
+    Measured columns have priority over set points.
+    """
     found = [
         each
         for each in headers

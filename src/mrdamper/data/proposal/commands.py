@@ -1,6 +1,6 @@
-"""Command and temperature of a run: measured, constant as in the map, or stated in words.
+"""Command and temperature of a run: measured, constant in the channel map, or stated in words.
 
-Names (``words.labels``) are used only if neither a column nor a map has the value. The source is recorded.
+Words (``words.labels``) are used only if neither a column nor a map has the value. The source is recorded.
 """
 
 from __future__ import annotations
@@ -54,9 +54,10 @@ def command_of(
     texts: Sequence[Place],
     place: str,
 ) -> tuple[str, FloatArray, tuple[tuple[str, float, str], ...]]:
-    """Return the role and the values of the command, and the source if a label states the command.
+    """Return the role and the values of the command, and (role, value, source) if words state the command.
 
-    The order is: the measured column, the constant of the map, the nearest text with a command.
+    The command comes from ``held`` (a segment of the map), else from the measured column, else from the
+    constant of the map, else from the nearest text with a command.
     """
     if held is not None:
         return role, np.full(samples, held), ()
@@ -78,7 +79,7 @@ def command_of(
 
 
 def _require_no_varying_column(role: str, value: float, table: Table, place: str) -> None:
-    """Raise AskingError if the command is stated as constant but a column named like a current varies."""
+    """Raise AskingError if the command is stated as constant, but a column named as a current varies."""
     for name in varying_commands(table, place):
         low, high = np.nanquantile(table.columns[name], (0.0, 1.0)).tolist()
         unit = "" if table.units.get(name) else f" and current.unit={QUANTITIES['current'].units[0]}"
@@ -97,7 +98,7 @@ def _require_no_varying_column(role: str, value: float, table: Table, place: str
 def _require_agreement(
     role: str, measured: FloatArray, table: Table, texts: Sequence[Place], place: str
 ) -> None:
-    """Raise AskingError if a constant measured command differs from the file name."""
+    """Raise AskingError if a constant measured command differs from the command in the title or file name."""
     label = find_label([each for each in texts if each.source in {"title", "file name"}], role)
     held = steady_command(measured) if label is not None and np.isfinite(measured).all() else None
     if label is None or held is None or len(label.values) != 1:
@@ -114,10 +115,10 @@ def _require_agreement(
 def with_temperature(
     piece: Piece, told: tuple[tuple[str, float, str], ...], chosen: ChannelMap, texts: Sequence[Place]
 ) -> tuple[Piece, tuple[tuple[str, float, str], ...]]:
-    """Add a constant temperature from the map or a label if there is no temperature column.
+    """Add a constant temperature from the map or from words if there is no temperature column.
 
-    Return the piece, and ``told`` (name, value and source of each stated value) with this temperature if it
-    comes from a label.
+    Return the piece, and ``told`` (role, value and source of each value from words). The temperature is
+    appended to ``told`` if it comes from words.
     """
     if "temperature" in piece.channels:
         return piece, told
@@ -135,7 +136,7 @@ def with_temperature(
 def segments_of(
     table: Table, chosen: ChannelMap, samples: int, place: str
 ) -> tuple[list[int], list[float | None]]:
-    """Return the row limits of the tests in a file, and the command of each test from the map."""
+    """Return the first rows of the tests in a file (and the number of rows), and the command of each test."""
     assert chosen.segments is not None
     split, commands = chosen.segments.split, chosen.segments.commands
     begins = {

@@ -1,8 +1,8 @@
 """Documents next to the runs that state test conditions: run lists, notes and settings.
 
 A document is a small text or sheet. It applies to a file if it contains the name or the number of the file,
-has the same name, or is in a folder with a single run. The lines of a document are read like the lines above
-a table (``words.labels``).
+has the same name as the file, or is in a folder with a single run. The lines of a document are read like the
+lines above a table (``words.labels``).
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _SETTINGS = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A document, and the lines in it that concern each file."""
+    """A document, and the lines that state conditions of each file."""
 
     path: Path
     lines: Mapping[Path, tuple[str, ...]]
@@ -89,7 +89,7 @@ class _Files:
         owners.pop("", None)
         # Equal names in different folders are ambiguous.
         self.names = {name: tuple(*found.values()) for name, found in owners.items() if len(found) == 1}
-        # The last number of each name of a run, or of each folder, if it is unique.
+        # Files by the last number in the name of the run or folder, if all these numbers are different.
         self.numbers: dict[int, tuple[Path, ...]] = {}
         for keys in (
             [path.parent / strip_channel(path.stem) for path in files],
@@ -214,7 +214,7 @@ def _lines_by_file(
     text = "\n".join(lines).lower()
     names_a_file = bool(known.numbers) or any(name in text for name in known.names)
     if is_run and path.suffix.lower() != ".json" and not names_a_file:
-        return {}  # Most runs name no other file.
+        return {}  # The file is a run that names no other file.
     own = [file for file in files if file.stem == path.stem]
     own = own if not is_run or path.suffix.lower() == ".json" else []
     if len(files) == 1 and not is_run and _SETTINGS.search(path.stem):
@@ -266,6 +266,6 @@ def _strip_name(line: str, file: Path) -> str:
 
 
 def _cells(line: str) -> list[str]:
-    """Return the cells of a row, split at the delimiter with the most parts, else at two or more blanks."""
+    """Return the cells of a row, split at the delimiter that gives most cells, else at two or more blanks."""
     cells = max((split_line(line.strip(" \r\n").strip("|"), sign) for sign in DELIMITERS[:-1]), key=len)
     return cells if len(cells) > 1 else re.split(r"\s{2,}", line.strip())

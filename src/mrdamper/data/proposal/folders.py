@@ -34,8 +34,8 @@ _RESULTS = frozenset(f"{name}.{kind}" for name in _JOBS for kind in ("json", "ht
     *("report.html", "sweep.html", "track.html", "track.json")
 }
 GENERIC_SUFFIXES = frozenset({".json", ".jsonl"})
-"""Suffixes of formats in which programs write any object."""
-_OF_ANYTHING = frozenset({".txt", ".bin", ".raw"})  # Files with these suffixes may or may not be runs.
+"""Suffixes of formats that programs also use for other data than runs."""
+_OF_ANYTHING = frozenset({".txt", ".bin", ".raw"})  # The content of these files shows if they are runs.
 _NO_RUNS = frozenset(
     f".{end}"
     for end in (
@@ -55,8 +55,8 @@ _DAMAGES = (
 def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Path]:
     """Return the files named by paths, folders and patterns, in the given order.
 
-    Archives are unpacked below ``space`` if it is given, with the names of the folders around them. A file
-    that is named twice, such as by a relative and by an absolute path, is returned once.
+    Archives are unpacked into the folder ``space`` if it is given. The last two folders of their paths are
+    repeated there. A file that is named twice (by a relative and an absolute path) is returned once.
     """
     files: dict[Path, Path] = {}
     if not paths:
@@ -105,7 +105,7 @@ def _unpack(file: Path, space: Path) -> list[Path]:
 
 
 def _members(file: Path) -> Iterator[tuple[str, IO[bytes]]]:
-    """Generate the open contents of the files in an archive, below its name, or of one compressed file."""
+    """Generate (path that begins with the archive's name, open content) of each file in an archive."""
     if zipfile.is_zipfile(file):
         with zipfile.ZipFile(file) as archive:
             names = [name for name in archive.namelist() if not name.endswith("/")]
@@ -142,7 +142,7 @@ def _extract(member: IO[bytes], target: Path, archive: Path, room: int) -> int:
 
 
 def distinct_names(names: Sequence[str], sources: Sequence[str]) -> list[str]:
-    """Return the names of runs. Equal names get the name of their folder as a prefix if it differs."""
+    """Return the names of runs. Equal names from different folders get the folder's name as a prefix."""
     found = list(names)
     folders = [Path(source).parent if source else None for source in sources]
     for _ in range(SETTINGS.folder_depth_max):

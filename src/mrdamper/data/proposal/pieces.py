@@ -1,8 +1,8 @@
 """Pieces: ranges of rows of a table that become runs.
 
-A table is divided at a decreasing time, at a change in a column of words, and at gaps. Pieces with
+A table is divided where time decreases, where a column of words changes, and at time gaps. Pieces with
 continuous time and equal command are joined. Up to 1 % of missing numbers are interpolated. A missing
-displacement is integrated from the velocity. Each of these steps is reported.
+displacement is integrated from the velocity. Changes of the data are reported as findings.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Piece:
     title: str = ""  # Title of the sheet, group or run.
     findings: tuple[Finding, ...] = ()
     start: Moment | None = None  # Moment of time zero.
-    told: tuple[tuple[str, float, str], ...] = field(default=())  # Role, value [SI], source.
+    told: tuple[tuple[str, float, str], ...] = field(default=())  # Role, value [SI], source of the words.
 
     def part(self, rows: slice) -> Piece:
         """Return the piece of a range of rows."""
@@ -42,12 +42,15 @@ class Piece:
 
 
 def run_edges(time: FloatArray, texts: Mapping[str, Texts]) -> tuple[list[int], dict[int, str]]:
-    """Return the row limits of the runs in a table with times [s], and titles from a column of words."""
+    """Return the first rows of the runs in a table (and the number of rows), and the title by first row.
+
+    ``time`` are the times of the rows [s]. A title is the cell of a column of words.
+    """
     edges = {0}
     titles: dict[int, str] = {}
     for cells in texts.values():
         begins = [k for k in range(len(cells)) if k == 0 or cells[k] != cells[k - 1]]
-        # A column of words that changes more often, per row, does not name runs.
+        # A column of words that changes more often than every 16 rows does not name runs.
         if all(cells) and 1 < len(begins) <= (1 / 16) * len(cells):
             edges |= set(begins)
             titles |= {k: f"{cells[k]}" for k in begins}
@@ -93,7 +96,7 @@ def _continues(before: Piece, after: Piece) -> bool:
 
 
 def filled(piece: Piece) -> Piece:
-    """Interpolate missing numbers of a piece, at most 1 % of a channel and not at its ends.
+    """Interpolate missing numbers in a piece if they are at most 1 % of a channel and not at its ends.
 
     A temperature or command that was recorded at a lower, regular rate is interpolated without this limit.
     """
@@ -111,9 +114,9 @@ def filled(piece: Piece) -> Piece:
                     channel=role,
                     size=float(len(values) - count),
                     unit="samples",
-                    found=f"{role} stands in {len(values) - count} of {len(values)} rows: interpolated",
-                    effect="What it does between these rows is not known",
-                    remedy="Nothing, where it changes slowly",
+                    found=f"{role} has values in {len(values) - count} of {len(values)} rows: interpolated",
+                    effect="Its changes between these rows are unknown",
+                    remedy="Nothing, if it changes slowly",
                 )
             )
             continue
@@ -164,7 +167,7 @@ def without_repeated_end(piece: Piece) -> Piece:
 
 
 def evened(piece: Piece) -> Piece:
-    """Replace repeated time stamps of a piece by uniform times if these match each stamp.
+    """Replace repeated time stamps of a piece by uniform times if these agree with each stamp.
 
     Example: at 200 Hz and a resolution of 10 ms, each stamp occurs twice. If a uniform time differs from a
     stamp by more than twice the resolution, samples were lost, and nothing is changed.
@@ -180,7 +183,7 @@ def evened(piece: Piece) -> Piece:
     if "displacement" in piece.channels and np.mean(still[repeats]) > 0.9:
         return piece
     resolution = float(steps[steps > 0.0].min())
-    # A coarse time with this number of stamps has a rate accurate to 0.3 %.
+    # A coarse time that spans 100 resolution steps gives the rate with an accuracy of 0.3 %.
     if float(piece.time[-1] - piece.time[0]) < 100 * resolution:
         return piece
     rows = np.arange(len(piece.time), dtype=np.float64)
@@ -195,7 +198,7 @@ def evened(piece: Piece) -> Piece:
         unit="s",
         found=f"time has steps of {resolution:.4g} s and repeats {int((steps == 0.0).sum())} stamps: the "
         f"samples were spread evenly, at {1.0 / slope:.4g} Hz",
-        effect="Samples that came late or early are not known as such",
+        effect="Samples that were taken late or early are not detected",
         remedy="Export the time with more digits",
     )
     return replace(piece, time=even, findings=(*piece.findings, found))
@@ -205,7 +208,7 @@ def _is_slow(missing: BoolArray) -> bool:
     """Return True if the present numbers are regularly spaced, within one row, up to both ends."""
     there = np.flatnonzero(~missing)
     if len(there) < 2:
-        return len(there) == 1 and there[0] == 0 and len(missing) > 1  # This is a constant.
+        return len(there) == 1 and there[0] == 0 and len(missing) > 1  # One number is a constant.
     steps = np.diff([there[0] - 1, *there.tolist(), len(missing)])
     inner = steps[1:-1]
     return bool(inner.min() > 1 and inner.max() <= inner.min() + 1 and steps.max() <= inner.max() + 1)
@@ -239,7 +242,7 @@ def cut_at_gaps(piece: Piece) -> Iterator[Piece]:
                 to_s=float(piece.time[first]),
                 found=f"time has a gap of {lost:.4g} s before this piece, where the usual step is "
                 f"{usual:.4g} s: the record is cut there",
-                effect="The state of the hysteresis is lost in a gap: each piece begins anew",
+                effect="The state of the hysteresis is lost in a gap: each piece is a separate run",
                 remedy="Record again without losing samples, if the pieces are short",
             )
             part = replace(part, findings=(*part.findings, found))
@@ -258,7 +261,7 @@ def integrated(piece: Piece) -> Piece:
         kind="velocity_integrated",
         channel="displacement",
         found="there is no displacement: it is the integral of the velocity, without its mean and slope",
-        effect="The place of the loop along the stroke, and slow motion, are lost",
+        effect="The position of the loop along the stroke, and slow motion, are lost",
         remedy="Record the displacement where position matters (gas spring, end stops)",
     )
     channels = {**piece.channels, "displacement": path}
@@ -266,7 +269,7 @@ def integrated(piece: Piece) -> Piece:
 
 
 def _slope(path: FloatArray, time: FloatArray) -> float:
-    """Return the drift [m/s]: the mean over whole cycles of a periodic path, otherwise the slope of a line.
+    """Return the drift [m/s]: the mean slope over whole cycles of a periodic path, else a line's slope.
 
     A line fitted to a part of a sine would have a slope without drift.
     """

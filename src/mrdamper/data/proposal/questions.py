@@ -1,8 +1,8 @@
 """Questions about data that a file does not contain, and the answers of the user.
 
 A question has a role, a topic (unit, column, scale, value, sampling rate, or part of the time), a file,
-and candidates. An answer is ``ROLE.TOPIC=VALUE`` for all files or for the files of a preceding
-pattern: ``force.unit=kN``, ``run_1*:current.value=0.5 A``.
+and candidates for the answer. An answer is ``ROLE.TOPIC=VALUE``. It applies to all files (``force.unit=kN``),
+or to the files that match a pattern before it (``run_1*:current.value=0.5 A``).
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class AskingError(InputError):
 
     @property
     def questions(self) -> tuple[Question, ...]:
-        """Return the questions of this error or of its faults, each with the place of its error."""
+        """Return the questions of this error and of its faults, each with the place of its error."""
         inner = (each for fault in self.faults if isinstance(fault, AskingError) for each in fault.questions)
         return (*(replace(question, file=self.place) for question in self._questions), *inner)
 
@@ -90,7 +90,7 @@ def ask_all(faults: Sequence[InputError]) -> InputError:
 
 
 def relocate(fault: MrdamperError, name: str, shown: str) -> None:
-    """Replace the name of a file, at the begin of the places of an error and its faults."""
+    """Replace ``name`` with ``shown`` at the beginning of the places of an error and its faults."""
     for item in fault.faults:
         relocate(item, name, shown)
     if fault.place.startswith(name) or not fault.place:
@@ -118,7 +118,7 @@ def parse_answers(given: Sequence[str]) -> tuple[Answer, ...]:
         if found is None:
             raise InputError(
                 place=f"answer {text!r}",
-                found="it has another form",
+                found="its form is not valid",
                 expected="ROLE.TOPIC=VALUE, such as force.unit=kN",
             )
         role, name, value, files = found.group("role", "topic", "value", "files")
@@ -136,7 +136,7 @@ def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: PurePath) 
     channels, constant, rate = dict(chosen.channels), dict(chosen.constant), chosen.rate_Hz
     file_options = chosen.file
     for answer in answers:
-        # A pattern may have the name of a file, or the last folders of its path, too.
+        # A pattern is compared with the name of the file, and with the last parts of its path.
         if not (
             fnmatchcase(file.name, answer.files) or fnmatchcase(f"/{file.as_posix()}", f"*/{answer.files}")
         ):
@@ -165,7 +165,7 @@ def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: PurePath) 
 
 
 def _number(answer: Answer, unit: str) -> float:
-    """Return the number of an answer in a unit (for a scale, per volt or per cent)."""
+    """Return the number of an answer, converted to a unit (a scale: to this unit per volt or per cent)."""
     found = _SCALED.fullmatch(answer.value)
     place = f"answer {answer.role}.{answer.topic}={answer.value}"
     if found is None:

@@ -1,4 +1,4 @@
-"""Recordings from the tables of a file: columns by role, in SI, divided into runs, repaired and named.
+"""Recordings from the tables of a file. Columns are converted to SI, divided into runs, repaired and named.
 
 Changes of the data are returned as findings. Values that were read from words are returned as inferences.
 """
@@ -66,7 +66,7 @@ class RigFile:
     recordings: tuple[Recording, ...]
     layout: Layout
     columns: tuple[Column, ...]
-    chosen: ChannelMap  # Channel map, with the answers of the user.
+    chosen: ChannelMap  # Channel map that includes the answers of the user.
     findings: tuple[Finding, ...] = ()  # Changes that the reader made.
     inferred: tuple[Inference, ...] = ()
     starts: tuple[Moment | None, ...] = ()  # Moment of time zero of each recording.
@@ -144,7 +144,7 @@ def runs_in(
 
 
 def _segment_map(chosen: ChannelMap, table: Table, number: int, count: int) -> ChannelMap:
-    """Return the channel map for one table. If each table is one segment, it has the segment's command."""
+    """Return the map for one table, with the command of its segment if each table is one segment."""
     segments = chosen.segments
     if segments is None or count != len(segments.commands):
         return chosen
@@ -175,7 +175,7 @@ def _may_be_run(table: Table, *, is_foreign: bool) -> bool:
 
 
 def _is_other_kind(table: Table, tables: Sequence[Table]) -> bool:
-    """Return True if a longer table has different columns and some column is only in this table."""
+    """Return True if a longer table has other columns, and a column of this table is in no other table."""
     return any(other.names != table.names and other.rows > table.rows for other in tables) and not (
         {column for other in tables if other is not table for column in other.names} >= {*table.names}
     )
@@ -228,7 +228,7 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Plac
 def _wide_part(
     table: Table, chosen: ChannelMap, file: Path, wide: Sequence[tuple[str, float]], stated: Sequence[Place]
 ) -> _Part:
-    """Return one piece for each force column of a table with a force column for each current."""
+    """Return the pieces of a table with one force column for each current, separately for each column."""
     pieces: list[Piece] = []
     columns: tuple[Column, ...] = ()
     names = {name for name, _ in wide}

@@ -48,7 +48,7 @@ def no_column(role: str, table: Table, place: str) -> InputError:
 
 
 def no_unit(role: str, place: str, name: str, found: str = "") -> InputError:
-    """Return the error that requests a unit if a column has no unit, or has the unit of a different role."""
+    """Return the error that requests the unit of a column. ``found`` is its invalid unit, "" if missing."""
     choices = QUANTITIES[role].units
     return ask(
         role,
@@ -70,7 +70,7 @@ def no_scale(role: str, names: Sequence[str], place: str) -> InputError:
         role,
         "scale",
         place,
-        found=f"{role} is in volts ({columns}) and nothing says how many {QUANTITIES[role].unit} one volt is",
+        found=f"{role} is in volts ({columns}) and the scale in {QUANTITIES[role].unit} per volt is missing",
         expected=f"a line such as 'scale: 10 {QUANTITIES[role].units[-1]}/V' above the table, or `gain`",
         remedy=f"Give gain and unit = 'V' at [channel.{role}] in the channel map",
         candidates=names,
@@ -83,7 +83,7 @@ def no_full_scale(names: Sequence[str], place: str) -> InputError:
         "current",
         "scale",
         place,
-        found=f"{' and '.join(map(repr, names))} is a command in per cent of a current that is not said",
+        found=f"{' and '.join(map(repr, names))} is a command in per cent of an unknown current",
         expected="the current at 100 %, such as 2 A/100%",
         remedy=("Give name, unit = '%' and gain, a hundredth of it, at [channel.current] in the channel map"),
         candidates=names,
@@ -129,7 +129,7 @@ def no_command(
 
 
 def varying_commands(table: Table, place: str) -> list[str]:
-    """Return the columns that are named like a current, or have its unit, and vary."""
+    """Return the columns with the name or the unit of a current that change their level."""
     headers = [header_of(table, name, place) for name in table.columns if name not in table.stamps]
     return [
         each.name
@@ -140,7 +140,7 @@ def varying_commands(table: Table, place: str) -> list[str]:
 
 
 def _may_be_command(header: Header) -> bool:
-    """Return True for a column without a unit and with the name of a current, a voltage or a set point."""
+    """Return True if a column has no unit, and the name of a current, a voltage or a set point."""
     if header.unit or header.of_word not in {"", *COMMANDS}:
         return False
     if any(speaks_of(header.word, role) for role in QUANTITIES if role not in COMMANDS):
@@ -159,7 +159,7 @@ def _level_changes(values: FloatArray) -> bool:
     if len(finite) < SETTINGS.level_part_count:
         return False
     levels = [float(np.median(part)) for part in np.array_split(finite, SETTINGS.level_part_count)]
-    return max(levels) - min(levels) > 0.2 * float(np.abs(finite).max())  # Fraction of the largest value.
+    return max(levels) - min(levels) > 0.2 * float(np.abs(finite).max())
 
 
 def command_shares(table: Table) -> list[str]:
@@ -168,7 +168,7 @@ def command_shares(table: Table) -> list[str]:
 
 
 def require_no_text(role: str, table: Table, place: str) -> None:
-    """Raise InputError if the header of a missing role belongs to a column of texts."""
+    """Raise InputError if the column that the header assigns to a role contains text instead of numbers."""
     for name, cells in table.texts.items():
         header = parse_header(name)
         if header is not None and header[0] == role:

@@ -1,9 +1,9 @@
 """Assignment of roles to table columns by units and words; unclear roles result in a question.
 
-The only column with a unit of a role has that role, unless its header names a different role. Among several
-columns, a measured column has priority over its set point, and a column named after the role has priority
-over the remaining columns. A time column must increase. A column in volts is a command only if the header
-names a command, because the column may be the output of a sensor. A scale in the header (``500 N/V``)
+If only one column has a unit of a role, it has this role, unless its header names a different role. Among
+several columns, a measured column has priority over its set point, and a column named after the role has
+priority over the remaining columns. A time column must increase. A column in volts is a command only if the
+header names a command, because the column may be the output of a sensor. A scale in the header (``500 N/V``)
 converts a sensor output to its quantity.
 """
 
@@ -45,14 +45,14 @@ _NEEDED = ("displacement", "force")
 
 
 def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, ...]:
-    """Return the column of each role, from the map first, then from the headers. No values are read.
+    """Return the column of each role. The channel map has priority over the headers.
 
     Raise AskingError if a required role has no column, several columns, or no column with a unit.
     """
     headers = headers_of(table, place)
     columns: list[Column] = []
     faults: list[InputError] = []
-    known: set[str] = set()  # These roles have a column or a question.
+    known: set[str] = set()  # Roles that have a column or a question.
     for role in (*(role for role in QUANTITIES if role != "time"), "time"):
         own_time = fastest_time(table, [column.name for column in columns]) if role == "time" else None
         try:
@@ -83,7 +83,7 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
 
 
 def _unclear_factor(column: Column, factor: float, place: str) -> InputError:
-    """Return the error for a column to which the factor above the table may already be applied."""
+    """Return the error for a column that may already include the factor above the table."""
     unit = column.unit or QUANTITIES[column.role].unit
     applied, raw = f"1 {unit}", f"{factor:g} {unit}"
     return ask(
@@ -126,7 +126,7 @@ def column_of(
     if position is not None:
         return _column_of_map(table, channel, table.names[position], headers, place)
     if role == "time" and chosen.rate_Hz is None and table.step_s is None:
-        # A logger may repeat the moment of the start in each row.
+        # A logger may repeat the start time in each row. Such a column is not the time.
         stamps = [name for name in table.stamps if table.columns[name][0] != table.columns[name][-1]]
         stamps = [name for name in stamps if not is_coarse_clock(table, name, chosen, place)]
         named = [each for each in headers if each.of_word == "time" and "time" in each.of_unit]
@@ -164,7 +164,7 @@ def _column_of_map(
 
 
 def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
-    """Return the columns of ``found`` whose words match the role best. Several columns lead to a question."""
+    """Return the columns of ``found`` that match the role best. Several columns lead to a question."""
     left = list(found)
     if role == "time" and len(left) > 1:
         left = [each for each in left if increases(table, each.name, always=True)] or left
@@ -183,10 +183,10 @@ def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
 
 
 def _connected(headers: Sequence[Header], role: str, table: Table) -> list[Header]:
-    """Return the columns without those of disconnected sensors, which have only noise.
+    """Return the columns of connected sensors. A column of a disconnected sensor contains only noise.
 
-    A column of the same signal in a wrong unit can have a small range, too. It is kept because it is
-    correlated with the column of the largest range.
+    A column of the same signal in a wrong unit can have a small range, too. This column is returned because
+    it is correlated with the column of the largest range.
     """
     signals = [to_si(table.columns[each.name], each.unit, role) for each in headers]
     widest = max(signals, key=np.ptp)
@@ -204,9 +204,9 @@ def _connected(headers: Sequence[Header], role: str, table: Table) -> list[Heade
 def _column_without_unit(
     role: str, table: Table, headers: Sequence[Header], chosen: ChannelMap, place: str
 ) -> Column | None:
-    """Return the column whose header names the role without a unit of the role, None if there is none.
+    """Return the column with a header that names the role, but has no unit of the role; None if missing.
 
-    The unit comes from the map, a stated scale, or the sampling rate. Raise InputError if a required column
+    The unit comes from the map, a stated scale, or the sampling rate. Raise AskingError if a required column
     has no unit.
     """
     channel = chosen.channel(role)
@@ -276,7 +276,7 @@ def skipped_columns(table: Table, columns: Sequence[Column], chosen: ChannelMap,
 
 
 def _scaled(role: str, table: Table, headers: Sequence[Header]) -> Column | None:
-    """Return a column with its scale per volt or range for per cent, from its header or above the table."""
+    """Return the column of a role with a scale per volt or per cent in its header or the lines above."""
     found: dict[str, tuple[str, float]] = {}
     volts = [each for each in headers if "voltage" in each.of_unit or not each.of_unit]
     for line in (*table.said, *(each.name for each in volts)):
@@ -293,7 +293,7 @@ def _scaled(role: str, table: Table, headers: Sequence[Header]) -> Column | None
     if len(found) != 1:
         return None
     name, (unit, gain) = next(iter(found.items()))
-    return Column(role, name, unit, "scale beside it", gain)
+    return Column(role, name, unit, "scale in the file", gain)
 
 
 def _mentions(line: str, header: Header) -> bool:

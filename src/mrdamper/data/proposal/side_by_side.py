@@ -22,7 +22,7 @@ _COUNTED = re.compile(r" \(\d+\)$")  # Readers number names that repeat.
 
 
 def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
-    """Return a table for each run, or the table itself if it contains a single run.
+    """Return a table for each run, or only the given table if it contains a single run.
 
     A table contains several runs if the names of its columns repeat, apart from numbers appended by the
     reader, and if each repetition has one time column. The title of a run is the title of the table and the
@@ -60,11 +60,11 @@ def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
 
 
 def wide_of_long(table: Table) -> tuple[Table, ...]:
-    """Convert a table with one row per sample and channel to a table with one column per channel.
+    """Convert a table with one row per sample and channel to tables with one column per channel.
 
-    A column of texts names at least two roles, one column has the values, and another column the times. Each
-    value of the other columns, such as the number of the run, is a separate table. Counters of rows are
-    ignored.
+    In the given table, a column of texts names the channels (at least two roles), one column contains the
+    values, and another column contains the times. Rows that differ in the remaining columns, such as the run
+    number, become separate tables. Counters of rows are ignored.
     """
     kinds = {name: dict.fromkeys(cells) for name, cells in table.texts.items() if all(cells)}
     named = [
@@ -135,7 +135,7 @@ def _split_name(name: str) -> tuple[str, str]:
 
 def _width(names: Sequence[str]) -> int | None:
     """Return the number of columns of each run, None if the table has a single run."""
-    for width in range(3, len(names) // 2 + 1):  # A run has at least this number of columns.
+    for width in range(3, len(names) // 2 + 1):  # A run has at least three columns.
         if len(names) % width or any(name != names[k % width] for k, name in enumerate(names)):
             continue
         times = [name for name in names[:width] if "time" in roles_of_unit(word_and_unit(name)[1])]

@@ -1,4 +1,4 @@
-"""Temperature logs of a separate slow logger, assigned to runs by date and time of day.
+"""Temperature logs of a separate, slow logger. They are assigned to runs by date and time of day.
 
 A run gets the temperature of a log if exactly one log covers the run. Times are compared only if run and log
 state a date, because a log without a date may be from a different day.
@@ -31,7 +31,7 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES
 
 _OF_RUNS = frozenset({"displacement", "velocity", "force"})
-# Differences between local time and UTC [h], beginning with 0.
+# Differences between local time and UTC [h]. The first is 0 because the log must cover the run without one.
 _ZONES_h = (*range(15), *range(-12, 0), -9.5, -3.5, 3.5, 4.5, 5.5, 6.5, 9.5, 10.5)
 
 
@@ -53,7 +53,7 @@ def join_temperature_logs(
     chosen: ChannelMap,
     answers: Sequence[Answer],
 ) -> tuple[list[tuple[Path, RigFile]], dict[Path, Finding]]:
-    """Return the files with temperatures from logs added, and a finding for each log in ``others``."""
+    """Return the files with added temperatures from logs, and a finding for each log among ``others``."""
     runs = [(path, *pair) for path, file in read for pair in zip(file.recordings, file.starts, strict=True)]
     found: dict[Path, dict[int, FloatArray | None]] = {}
     reasons: dict[Path, str] = {}
@@ -95,7 +95,7 @@ def join_temperature_logs(
 def _read_log(path: Path, chosen: ChannelMap) -> _Log | None:
     """Return the log in a file, None if the file is not a temperature log.
 
-    Raise InputError if the log has no date, or not exactly one temperature of the damper.
+    Raise InputError if the log has no date, no increasing times, or not exactly one damper temperature.
     """
     try:
         table = read_tables(path, chosen.file)[0]
@@ -140,6 +140,7 @@ def _times(table: Table, headers: Sequence[Header], chosen: ChannelMap, place: s
 def _temperature_of(run: Run, log: _Log, runs: Sequence[Run]) -> FloatArray:
     """Return the temperatures [K] of a log at the times of a run.
 
+    If only the run or only the log states UTC, the temperatures must be nearly equal for all time zones.
     Raise InputError if the clocks of run and log cannot be compared, or if the log does not cover the run.
     """
     path, recording, start = run
@@ -160,12 +161,12 @@ def _temperature_of(run: Run, log: _Log, runs: Sequence[Run]) -> FloatArray:
         if not found:
             raise InputError(found=f"its times do not cover {path.name}")
     if np.ptp(found, axis=0).max() > SETTINGS.time_zone_ambiguity_max_K:
-        raise InputError(found="the runs or the log state UTC, and the other local time of an unknown zone")
+        raise InputError(found="only one of runs and log states UTC, the other local time of an unknown zone")
     return found[0]
 
 
 def _is_covered(time: FloatArray, log: FloatArray) -> bool:
-    """Return True if a log covers the times without a gap, except for one log step at either end."""
+    """Return True if a log has no gap and covers all times, except for one log step at either end."""
     step = float(np.median(np.diff(log)))
     if not (log[0] - step <= time[0] and time[-1] <= log[-1] + step):
         return False

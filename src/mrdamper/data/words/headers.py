@@ -1,7 +1,7 @@
 """Headers of columns: word, unit, and the roles that word and unit may mean.
 
-The unit determines the column of a role if only one column has a unit of the role. Otherwise the words
-determine the column. They also distinguish a measured quantity from its set point.
+The unit determines the column of a role if only one column has a unit of the role. Otherwise the words of
+the headers determine the column. Words also distinguish a measured quantity from its set point.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Literal
 
 from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit
 
-_NOTED = re.compile(r"(.+?)\s*[\[({].*[\])}]\s*[\[({]([^\[({]*)[\])}]")  # The note precedes the unit.
+_NOTED = re.compile(r"(.+?)\s*[\[({].*[\])}]\s*[\[({]([^\[({]*)[\])}]")  # "Force (raw) [N]"
 _BRACKETS = re.compile(r"(.+?)\s*[\[({](.*)[\])}]")
 _SLASH, _LINE = re.compile(r"(.+?)\s+/\s*(.+)"), re.compile(r"([^_]+)_(.+)")
 _FORMS = (_NOTED, _BRACKETS, _SLASH, _LINE, re.compile(r"(.+)()"))
@@ -24,7 +24,7 @@ _FORMS_WITH_UNIT = (
 )
 _LAST = re.compile(r"(.+)_([^_]+)")
 _BLANK = re.compile(r"(.+?)\s+([^\s\d]+)")  # The word must have the unit's role, as in "Force N".
-_NO_UNITS = frozenset({"in", "kp", "min"})  # Alone, these are an input, a gain and a minimum.
+_NO_UNITS = frozenset({"in", "kp", "min"})  # These whole headers mean input, gain and minimum.
 _BRACKETED = (_NOTED, _BRACKETS)
 _NUMBERED = re.compile(r"^(.+_[^\W\d]+)[_ ]\d+$")  # "force_N_2"
 _CHUNKS = re.compile(r"(?:[,;:|.](?:\s+|$)|\t|\s+(?:and|und|et|y)\s+)+")
@@ -65,7 +65,7 @@ _PER_CENT = re.compile(
 
 
 def word_and_unit(header: str) -> tuple[str, str]:
-    """Return the word and the unit of a header, "" if missing. All text except the unit is the word."""
+    """Return the word and the unit of a header, "" if missing. The word is all text except the unit."""
     text = header.translate(_NARROW).strip()
     for form in (_NOTED, *_FORMS_WITH_UNIT, _LAST, _BLANK):
         match = form.fullmatch(text)
@@ -77,7 +77,7 @@ def word_and_unit(header: str) -> tuple[str, str]:
         if not roles or not (form in _BRACKETED or long or _means(word, roles)):
             continue
         return word, unit
-    if len(text) > 1 and text.lower() not in _NO_UNITS and roles_of_unit(text):  # "millis"
+    if len(text) > 1 and text.lower() not in _NO_UNITS and roles_of_unit(text):  # "millis" is only a unit.
         return "", text
     return text, ""
 
@@ -112,7 +112,7 @@ def _means(word: str, roles: Sequence[str]) -> bool:
 
 
 def speaks_of(word: str, role: str) -> bool:
-    """Return True if the word of a header contains a word of a role, alone or within a longer one."""
+    """Return True if the word of a header contains a word of a role, alone or in a longer word."""
     plain = _split_words(word)
     tokens = plain.split()
     for known in QUANTITIES[role].headers:
@@ -159,7 +159,7 @@ def is_per_cent(text: str) -> bool:
 
 
 def _split_words(word: str) -> str:
-    """Return the words of a header in lower case, separated (``coil_current``, ``CoilCurrent``)."""
+    """Return the words of a header (``coil_current``, ``CoilCurrent``) in lower case, separated by blanks."""
     apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", word)
     return re.sub(r"[\W_\d]+", " ", apart).strip().lower()
 
@@ -168,9 +168,9 @@ def parse_header(header: str) -> tuple[str, str] | None:
     """Return (role, unit) of a header with a unique meaning, else None. The unit is "" if missing.
 
     A unit of the word's role needs no brackets: ``Force, N``, ``Kraft in N``, ``Force N``, ``Force
-    (filtered) [N]``. A symbol with such a unit is sufficient, as in ``F [N]``. The function ignores a suffix
+    (filtered) [N]``. Instead of a word, a symbol with a unit of its role is sufficient (``F [N]``). A suffix
     that is not a unit, as in ``velocity_5`` or ``Force (raw)``, and a number after a unit, as in
-    ``force_N_2``.
+    ``force_N_2``, are ignored.
     """
     text = _NUMBERED.sub(r"\1", header.translate(_NARROW).strip())
     for form in _FORMS:
@@ -200,8 +200,8 @@ def strip_channel(stem: str) -> str:
 def is_unit_beside(text: str, role: str) -> bool:
     """Return True if the text next to a word of a role is a unit.
 
-    A text of one letter must be a unit of the role or V because a letter may number a sensor, as in
-    ``force_A``.
+    A text of one letter must be a unit of the role, or V. Any other letter may be the number of a sensor, as
+    in ``force_A``.
     """
     roles = roles_of_unit(text)
     return role in roles or "voltage" in roles or (bool(roles) and len(text.strip("[]() ")) > 1)
@@ -213,13 +213,13 @@ def names_by_symbol(header: str) -> bool:
 
 
 def unit_in_brackets(header: str) -> str:
-    """Return the text in brackets at the end of a header, possibly a unit; "" without brackets."""
+    """Return the text in brackets at the end of a header, which may be a unit; "" without brackets."""
     match = re.fullmatch(r".*[\[({]([^\[({]*)[\])}]\s*", header.translate(_NARROW))
     return match[1].strip() if match else ""
 
 
 def candidates(role: str, headers: Sequence[str]) -> list[str]:
-    """Return the headers that may mean a role, for messages: by word or symbol, else by unit."""
+    """Return the headers that may mean a role: those with its word or symbol, else those with its unit."""
     quantity = QUANTITIES[role]
     words = [word for word in quantity.headers if len(word) > (2 if word.isascii() else 1)]
     named = [

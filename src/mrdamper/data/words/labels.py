@@ -1,7 +1,7 @@
 """Commands and temperatures in sheet titles, lines above a table, and file names.
 
 Examples: ``0.5 A``, ``0,5A``, ``500mA``, ``1p5A``, ``T20C``, ``60 °C``, ``Current [A]: 0.5``. A number
-requires a unit. Two different numbers are ambiguous, and a ``Label`` has both. The module also reads
+requires a unit. Two different numbers are ambiguous, and the ``Label`` contains both. The module also reads
 sampling rates and scales of sensors (``10 mm/V``).
 """
 
@@ -24,8 +24,8 @@ _UNITS = {
     "temperature": r"(?i:(?:°|º|deg(?:\.|rees?)?|grad)?\s?(?:[CF]|celsius|fahrenheit))|K|℃|℉",
 }
 _SYMBOLS = {"current": "iI", "voltage": "uUvV", "temperature": "tT"}
-# A number is separate, or follows its sign or its symbol: "rev2A" is not a current and "0-1.5A" is a range.
-# A minus after a letter is a dash before a current, but a temperature may be negative.
+# A number is a separate word or follows its sign or symbol: "rev2A" is not a current and "0-1.5A" is a range.
+# A minus after a letter is a dash before a current, but may be the sign of a temperature.
 _BEGIN = r"(?:(?<![\w.,+%-])|(?<=_)|(?<=(?<![^\W_])[{symbol}])|(?<=(?:(?<=[\s_=:(])|(?<![\s\S]))[+-]){dash})"
 _DASHES = dict.fromkeys(("current", "voltage"), r"|(?<=(?<![\d.])[^\W\d]-)") | {"temperature": ""}
 _RANGE = r"(?:(?<=\bset to )|(?<!\bto ))(?<!\bbis )(?<![-–…~] )(?<!\d[eEdD] [+-])"
@@ -69,7 +69,7 @@ _RANGE_OF = re.compile(rf"(?<![\w.,])({_NUMBER})\s*(m?A|m?V|k?N|[cm]?m|[cm]?m/s)
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A text that may contain a label, and the name of the text in messages."""
+    """A text that may state conditions, and the name of the text in messages."""
 
     source: str  # Examples are "title", "header", "file name", "folder".
     text: str
@@ -77,7 +77,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """The values of a role that a text states. Several different values are ambiguous."""
+    """The values of a role (such as a current) that a text states. Different values are ambiguous."""
 
     role: str
     values: tuple[float, ...]  # SI
@@ -122,8 +122,9 @@ def _to_float(number: str) -> float:
 def find_label(places: Sequence[Place], role: str) -> Label | None:
     """Return the label of the nearest text with a value of the role, None if no text has a value.
 
-    If other texts about the file state different values, the label is ambiguous and has these labels. A
-    temperature may differ from the nominal temperature in a file name.
+    A text with a single value has priority. If other texts about the file state different values, the label
+    is ambiguous and contains their labels. Only documents can contradict a temperature, because file names
+    state nominal temperatures.
     """
     found: list[Label] = []
     for source in dict.fromkeys(place.source for place in places):
@@ -146,7 +147,7 @@ def places_of(title: str, said: Iterable[str], path: Path) -> tuple[Place, ...]:
     """Return the texts that may describe a table, the nearest first."""
     found = [Place("title", title)] if title else []
     found += [Place("header", line) for line in said]
-    # In "run1_0.5A", the text after the point is no suffix.
+    # In "run1_0.5A", the text after the point is not the suffix of a file.
     found += [Place("file name", path.name if path.suffix[1:2].isdigit() else path.stem)]
     folders = [path.parent, path.parent.parent]
     return (*found, *(Place(f"folder {each.name!r}", each.name) for each in folders if each.name))
@@ -171,7 +172,7 @@ def ranges_in(line: str) -> tuple[tuple[float, str], ...]:
 
 
 def _may_say(place: Place, role: str) -> bool:
-    """Return True if a text may describe the damper instead of limits, ranges or ambient values."""
+    """Return True if a text may state a condition of the damper, and not a limit, range or ambient value."""
     if place.source != "header" and not place.source.startswith(DOCUMENT):
         return True
     if _NOT_SET.search(place.text):
@@ -205,8 +206,8 @@ _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 def rates_in(lines: Iterable[str]) -> tuple[float, ...]:
     """Return the different sampling rates [Hz] in the lines above a table.
 
-    A line must contain a word about sampling because a frequency may be the frequency of the motion. An
-    interval requires a unit, except for ``Delta_X``, which LabVIEW writes in seconds.
+    A line must contain a word about sampling because other frequencies may be frequencies of the motion. An
+    interval requires a unit, except ``Delta_X``, which LabVIEW writes in seconds.
     """
     rates: dict[float, None] = {}
     lines = list(lines)

@@ -23,9 +23,9 @@ _WORD = re.compile(r"\W*[^\W\d_]")
 class Block:
     """The position of rows in a text, and the lines above them."""
 
-    start: int  # bytes
+    start: int  # Offset of the first row [bytes].
     stop: int
-    first_line: int  # Lines of the text before the first row.
+    first_line: int  # Number of lines before the first row.
     rows: int
     above: tuple[str, ...]
     first_row: str
@@ -69,13 +69,13 @@ def find_blocks(
 
 
 def _begins_block(cells: Sequence[str], *, is_first: bool) -> bool:
-    """Return True if a row begins a block. A later block begins with a value in its first cell."""
+    """Return True if a row begins a block. The first cell of a later block must be a value."""
     is_value = cells[0] in {"", *MISSING_MARKS} or count_numbers(cells[:1]) > 0 or is_time(cells[0])
     return count_numbers(cells) >= 2 and (is_first or is_value)
 
 
 def _kind_in_block(cells: Sequence[str], numeric: Sequence[int]) -> Literal["row", "words", "perhaps words"]:
-    """Return the kind of a line below a row of a block with numbers in the cells ``numeric``."""
+    """Return the kind of a line in an open block. ``numeric`` are the cells with numbers in its first row."""
     inside = [cells[k] for k in numeric if k < len(cells)]
     if not count_numbers(inside):
         are_words = any(cell and cell not in MISSING_MARKS and _WORD.match(cell) for cell in cells)

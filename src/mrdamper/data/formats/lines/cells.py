@@ -1,4 +1,4 @@
-"""The cells of one column in one block of a text: texts, numbers, and the cells that are neither."""
+"""The cells of one column in one block of a text, as texts and as numbers."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ _NOT_FINITE = re.compile(r"[+-]?(?:inf|infinity|nan)", re.IGNORECASE)
 def _form(point: str, group: str) -> re.Pattern[str]:
     """Return the pattern of a number: sign, digits before and after the point, exponent.
 
-    Groups of thousands are accepted only before a point or if there are two of them, because 1,234 may be
-    1.234.
+    Groups of thousands are accepted only before a decimal sign, or if a number has at least two of them,
+    because 1,234 may mean 1.234.
     """
     grouped = rf"[0-9]{{1,3}}(?:[{group}'\s][0-9]{{3}})"
     return re.compile(
@@ -85,7 +85,7 @@ class Cells:
         return Cells(texts, [None] * len(texts), self._lines)
 
     def as_times(self, reader: Timestamps) -> Cells:
-        """Return the cells converted to seconds; a cell that is not a time of day or a date is an error."""
+        """Return the cells converted to seconds. A cell that is not a time of day or a date is invalid."""
         seconds = reader.seconds(self.texts).tolist()
         return Cells(self.texts, [None if math.isnan(each) else each for each in seconds], self._lines)
 

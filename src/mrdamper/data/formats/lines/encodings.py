@@ -37,7 +37,7 @@ _MARKS = (b"\xff\xfe", b"\xfe\xff")
 
 
 def utf16_of(head: bytes) -> str:
-    """Return the name of the UTF-16 variant of the first bytes, with or without a mark; "" if not UTF-16."""
+    """Return the UTF-16 variant of the first bytes, with or without byte order mark; "" if not UTF-16."""
     if head.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff")):  # UTF-32
         return ""
     if head.startswith(_MARKS):
@@ -123,7 +123,7 @@ def encoding_of(path: TextSource, content: bytes) -> str:
 
 
 def _eastern(content: bytes) -> str:
-    """Return the East Asian encoding in which the text contains a channel name, else the first valid one."""
+    """Return the East Asian encoding that gives a text with a channel name, else any valid one, else ""."""
     fitting = {
         encoding: content.decode(narrow)
         for narrow, encoding in (("gb2312", _CHINESE), (_JAPANESE, _JAPANESE), ("euc_kr", _KOREAN))
@@ -137,7 +137,7 @@ def _eastern(content: bytes) -> str:
 
 
 def _is_pairs_of(encoding: str, content: bytes) -> bool:
-    """Return True if all non-ASCII characters are pairs of bytes, at least two; umlauts are single bytes."""
+    """Return True if all non-ASCII characters, at least two, are pairs of bytes. An umlaut is one byte."""
     try:
         text = content.decode(encoding)
     except UnicodeDecodeError:

@@ -66,7 +66,7 @@ def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
         return max(found)[1:]
     count = SETTINGS.table_rows_min
     alone = [k for k in range(len(lines) - count + 1) if all(map(is_number, lines[k : k + count]))]
-    return wanted or ("\t" if alone else ","), next(iter(alone), None)  # one column
+    return wanted or ("\t" if alone else ","), next(iter(alone), None)  # A text with one column.
 
 
 def holds_samples(lines: Sequence[str], delimiter: str) -> bool:
@@ -126,7 +126,7 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
         return Header(stated.names, said, scales=stated.scales, sampling=stated.sampling)
     named = split_line(lines[first - 1], delimiter) if first else []
     if len(named) == len(cells) + 1 and _SPARSE.fullmatch(named[-1]):
-        cells = [*cells, ""]  # Only some rows have an event.
+        cells = [*cells, ""]  # The first row has no cell in the column of events.
     count = len(cells)
     filled = max((k + 1 for k, cell in enumerate(cells) if cell), default=count)
     rows: list[tuple[int, list[str]]] = []
@@ -143,7 +143,7 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
         said = statements(lines[:first], delimiter)
         meant = _apply_legend(plain, said, table)
         return Header(meant, said, named=meant != plain)
-    if sum(_leads(fields) for _, fields in rows) > 1:  # "Names: Time;Force", "Units: s;N"
+    if sum(_leads(fields) for _, fields in rows) > 1:  # The rows are "Names: Time;Force" and "Units: s;N".
         rows = [(k, [_LEAD.sub("", fields[0]), *fields[1:]]) for k, fields in rows]
     used = {rows[0][0]}
     _, names = rows.pop(0)
@@ -225,7 +225,7 @@ def _header_fields(line: str, delimiter: str, count: int, filled: int) -> list[s
     for text in (bare, _LEAD.sub("", bare)) if delimiter == " " else ():
         if len(fields) != count:
             fields = re.split(r"\s{2,}|\t", text.strip())
-        if len(fields) != count:  # "Time (s) Force (N)"
+        if len(fields) != count:  # Names contain a blank before the unit: "Time (s) Force (N)".
             fields = re.findall(r"[^\s(\[]+\s*[(\[][^)\]]*[)\]]|\S+", text)
     if len(fields) not in {count, filled} or not any(fields):
         return None
@@ -248,7 +248,7 @@ def statements(lines: Sequence[str], delimiter: str) -> tuple[str, ...]:
 
 
 def line_of(row: Sequence[str]) -> str:
-    """Return the cells of a row as a line; a name, a unit and a number become ``name: 0.5 A``."""
+    """Return the cells of a row as a line. A name, a unit and a number are written as ``name: 0.5 A``."""
     cells = [cell.strip() for cell in row if cell.strip()]
     numbers = [cell for cell in cells if is_number(cell)]
     words = [cell for cell in cells if cell not in numbers]
@@ -273,7 +273,7 @@ def _results(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def with_unit(line: str) -> str:
-    """Return an entry ``Current_A=0.5`` with the unit after the number; return any other line unchanged."""
+    """Rewrite an entry such as ``Current_A=0.5`` as ``Current_A: 0.5 A``. Other lines are unchanged."""
     found = _SETTING.fullmatch(line)
     if found is None:
         return line

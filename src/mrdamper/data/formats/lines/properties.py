@@ -42,7 +42,7 @@ class Properties:
 
 
 def property_of(text: str) -> str:
-    """Return the property that a label names, such as ``unit`` (of the time axis: ``x unit``); "" if none."""
+    """Return the property that a label names, such as ``unit`` (``x unit`` for the time axis), else ""."""
     apart = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text)
     words = re.sub(r"[\W_\d]+", " ", apart).lower().split()
     has_value = re.search(r"[:=]\s*\w", text) is not None
@@ -105,7 +105,7 @@ def find_properties(
     before = ["number", *time][2 - (count - len(names)) :] if len(names) < count else []
     above = rows[-1] if rows else ()
     if before and len(above) == count and all(_NUMBERED.fullmatch(cell) for cell in above[len(before) :]):
-        before = [*above[: len(before)]]  # A row of numbered columns names the columns before them.
+        before = [*above[: len(before)]]  # The row of channel numbers also names these columns.
     return Properties((*[""] * leads, *before, *spelled), scales, stated_sampling(settings))
 
 
@@ -115,7 +115,10 @@ def _numbers(found: Mapping[str, list[str]], name: str, otherwise: float) -> lis
 
 
 def _by_rows(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, list[str]]]:
-    """Generate (property, values of the channels) of each row; the values are in this or the next line."""
+    """Generate (property, values of the channels) from each row that begins with a property.
+
+    The values are in the same row, or in the next row.
+    """
     for row, below in zip_longest(rows, rows[1:], fillvalue=()):
         name = property_of(row[0]) if row else ""
         if name and any(row[1:]):
@@ -166,7 +169,7 @@ def _by_axes(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
 
 
 def _settings(rows: Sequence[Sequence[str]], lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
-    """Generate (label, values) of each row or column; the values follow the label."""
+    """Generate (label, values) from each row, column and entry. The values are after the label."""
     yield from (*_by_channels(rows), *_by_axes(lines))
     for row, below in zip_longest(rows, rows[1:], fillvalue=()):
         if row and row[0]:
