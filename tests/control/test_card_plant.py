@@ -102,7 +102,7 @@ def test_plant_force_follows_delayed_current(width):
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("size", [1, 7, 1000])
+@pytest.mark.parametrize("size", [pytest.param(1, marks=pytest.mark.nightly), 7, 1000])
 def test_block_size_does_not_change_force(size):
     lag = Actuation(rise_s=0.009, fall_s=0.006, second_s=0.003, delay_s=0.0035)
     whole = path(swing)

@@ -294,7 +294,7 @@ def test_field_steps_converge_with_second_order():
 # -------------------------------------------------------------------------------------------- behaviour
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_network_is_near_the_elements():
     """The network has ten nodes, the finite elements have thousands, for the same geometry."""
     course = heat_field(DRAWING, [DUTY])[1]

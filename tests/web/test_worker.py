@@ -80,6 +80,7 @@ def gone_within(pid: int, seconds: float) -> bool:
     return True
 
 
+@pytest.mark.nightly
 def test_cancel_keeps_best_fit(idle):
     folder, client = idle
     job_id, pid = a_long_fit(client, "kept")
