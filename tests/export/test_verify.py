@@ -50,19 +50,9 @@ def test_exported_law_equals_python(law):
 
 @pytest.mark.parametrize("damper", one_by_day([CHAIN, DOUBLE]))
 def test_exported_actuation_equals_python(damper):
-    lags = Actuation(
-        0.004,
-        0.001,
-        0.002,
-        0.003,
-        largest_command=2.0,
-        hysteresis_width_A=0.05,
-        freewheel_time_s=0.04,
-        saturation=0.9,
-    )
-    assert_same_bits(
-        target_of(card_of(replace(damper, actuation=replace(lags, wide_hysteresis_width_A=0.15))))
-    )
+    lags = Actuation(0.004, 0.001, 0.002, 0.003, largest_command=2.0, hysteresis_width_A=0.05)
+    lags = replace(lags, freewheel_time_s=0.04, saturation=0.9, wide_hysteresis_width_A=0.15)
+    assert_same_bits(target_of(card_of(replace(damper, actuation=lags))))
 
 
 @pytest.mark.nightly

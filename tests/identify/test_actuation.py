@@ -24,11 +24,7 @@ from mrdamper.excitation import (
     RandomMotion,
     drive,
 )
-from mrdamper.identify.actuation import (
-    ActuationFit,
-    fit_actuation,
-    refine_actuation,
-)
+from mrdamper.identify.actuation import ActuationFit, fit_actuation, refine_actuation
 from mrdamper.identify.actuation.step_responses import STEP_FRACTION, mean_time
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper

@@ -294,9 +294,9 @@ def test_element_steps_converge_with_second_order():
 # ------------------------------------------------------------------------------------ other models and limits
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_elements_are_near_thermal_network():
-    """The network has ten nodes and the finite elements have thousands for the same geometry."""
+    """The network has ten nodes, the finite elements have thousands, for the same geometry."""
     course = heat_field(DRAWING, [DUTY])[1]
     network = simulate_network(zone_network(DRAWING), [DUTY])
     assert np.abs(course.fluid - np.interp(course.time, network.time, network.fluid)).max() < 3.0

@@ -21,7 +21,6 @@ from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.reduced import reduce_field
 from mrdamper.thermal.model.section import section_of
 from mrdamper.thermal.model.stepping import Load
-from tests.support.tiers import one_by_day
 
 STEEP = PolynomialHeatCapacity(
     range_degC=(20.0, 140.0),
@@ -75,7 +74,8 @@ def test_temperature_follows_variable_heat_capacity():
     assert course.closure < 1e-12
 
 
-@pytest.mark.parametrize("fins", one_by_day([True, False]), ids=["fins", "bare"])
+@pytest.mark.nightly
+@pytest.mark.parametrize("fins", [True, False], ids=["fins", "bare"])
 def test_reduced_model_includes_variable_capacity(fins: bool):
     model = coarse(paper(STEEP, fins=fins))
     full, small = (simulate_field(each.equation, [LOAD]) for each in (model, reduce_field(model, order=22)))

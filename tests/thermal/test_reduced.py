@@ -53,7 +53,7 @@ def test_reduced_model_follows_forty_designs():
         assert miss(full, reduced, "coil") < 50e-3
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_reduced_model_follows_new_load():
     """The load has different powers, a pause and a start at 60 degC, which the basis does not include.
 

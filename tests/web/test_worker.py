@@ -65,6 +65,7 @@ def a_long_fit(client: Client, name: str = "long") -> tuple[str, int]:
     return job_id, pid
 
 
+@pytest.mark.nightly
 def test_cancel_keeps_best_fit(idle):
     folder, client = idle
     job_id, pid = a_long_fit(client, "kept")
