@@ -120,7 +120,7 @@ class CompiledPlant(Plant, Protocol):
 
 
 class LoopSettings(NamedTuple):
-    """Settings of a closed loop in C."""
+    """Settings of a closed loop that C code computes."""
 
     every: int  # plant steps per sample
     late: int  # whole samples in the delay of a command

@@ -57,7 +57,8 @@ class ControlSettings:
     temperature_extrapolated_s: float = 1800.0
 
     # Tables of the coefficients
-    current_count_max: int = 41  # includes all multiples of 1/8 of the largest current, for the model bank
+    # Max number of currents in the tables. The multiples of 1/8 of the largest current are always among them.
+    current_count_max: int = 41
     current_tolerance: float = 8e-4  # interpolation error / largest yield force
     temperature_tolerance: float = 1e-4  # interpolation error in temperature / scale of the row
     temperature_count: int = 193  # number of temperatures at which coefficients are sampled

@@ -98,7 +98,10 @@ class FitData:
 
     @cached_property
     def scale(self) -> Scale:
-        """Typical values of the runs ``steady``. All search bounds are multiples of these values."""
+        """Typical force, stroke, speed and current of the training runs with constant current.
+
+        All search bounds are multiples of these values.
+        """
         return scale_of(self.steady)
 
     def problem(

@@ -125,7 +125,8 @@ class NumericalSettings:
     # Perturbations: fraction of the coordinates that are changed, and standard deviation of the change in
     # e-folds for coordinates on a logarithmic scale
     perturbations: tuple[tuple[float, float], ...] = ((1.0, 0.1), (0.5, 0.5), (0.2, 1.5), (0.5, 1.5))
-    perturbation_range_ratio: float = 0.1  # linear-scale change for 1 e-fold / range of bounds
+    # On a linear scale, a perturbation of 1 e-fold is replaced by this fraction of the range of the bounds.
+    perturbation_range_ratio: float = 0.1
     exchanged_fractions: tuple[float, ...] = (0.15, 0.3, 0.5)  # part of coefficients from a second minimum
     python_law_draw_count: int = 8  # random points of each start of a law in Python, which is slow
 

@@ -526,8 +526,9 @@ def _hill_rise(
     far = exponent * log_h
     top = np.logaddexp(0.0, far)
     taken = np.logaddexp(0.0, -beyond)
-    # h^q / (u^q + h^q) = exp(-log(1 + exp(beyond))), and log(1 + exp(b)) = b + log(1 + exp(-b)).
+    # u^qr / (u^qr + h^qr) = exp(-taken). At the reference u = 1, this value is exp(-top).
     rise = top - taken if sharpness is None else (top - taken) / sharpness
+    # beyond = qr log(u / h). Therefore h^qr / (u^qr + h^qr) = 1 / (1 + exp(beyond)).
     return np.exp(rise), log_u, np.exp(-np.logaddexp(0.0, beyond)), np.exp(far - top)
 
 

@@ -363,7 +363,10 @@ def _parabolas(values: FloatArray, pieces: int) -> FloatArray:
 
 
 def _parabola_values(cells: FloatArray, count: int) -> FloatArray:
-    """Return the values of parabolas at evenly spaced points, shape (terms, count)."""
+    """Evaluate the piecewise parabolas of each term at ``count`` evenly spaced points over all pieces.
+
+    ``cells`` has shape (terms, pieces, 3), the result (terms, count).
+    """
     place = np.linspace(0.0, cells.shape[1], count)
     piece = np.minimum(place.astype(np.intp), cells.shape[1] - 1)
     fraction = place - piece

@@ -136,9 +136,9 @@ def _error(table: LookupTable, value: _Function, weight: _Function, end: float, 
 class CurveTables:
     """Tables of the two branches, loading and unloading, of the universal hysteresis curve w(travel).
 
-    Both branches start at w = 0. After a reversal at w, the motion continues at -w on the other branch. Each
-    map converts the position (travel) on one branch to the position on the other branch. Both positions are
-    absolute values.
+    Both branches start at w = 0. After a reversal at w, the motion continues at -w on the other branch.
+    ``unload_map`` and ``reload_map`` convert the position (travel) on one branch to the position on the other
+    branch. All positions are absolute values.
     """
 
     unloaded: float  # travel of the unloading branch from w = -1 to 0

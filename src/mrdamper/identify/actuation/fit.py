@@ -50,8 +50,8 @@ class ActuationFit:
     standard_errors: dict[str, float]  # key: field of the actuation; NaN if not determined by the runs
     t63_s: float  # time to 63 % of the change of force after an upward step of the command
     t90_s: float  # time to 90 % of the change of the effective command (after the lags), for an upward step
-    rmse_N: float  # RMS force error with the actuation
-    unlagged_rmse_N: float  # RMS force error without an actuation
+    rmse_N: float  # RMS force error if delay and lags are simulated
+    unlagged_rmse_N: float  # RMS force error if the force follows the command without delay
     t63_fall_s: float  # time to 63 % of the change of force after a downward step; NaN without such a step
     t63_error_s: float  # standard error of t63_s
     t63_fall_error_s: float  # standard error of t63_fall_s

@@ -108,7 +108,9 @@ def fit_parameters(
     settings: ActuationSettings,
     evaluation_count_max: int | None = None,
 ) -> ParameterFit:
-    """Fit some parameters of an actuation by nonlinear least squares; the other parameters stay constant.
+    """Fit the named parameters of an actuation (delay and lags of the force) by nonlinear least squares.
+
+    All other parameters keep their values in ``start``.
 
     The force of the law follows the effective command almost without delay. Therefore the derivative of the
     force with respect to a parameter is approximated by the chain rule: the derivative with respect to the
@@ -195,7 +197,7 @@ def fit_over_runs(
     settings: ActuationSettings,
     evaluation_count_max: int | None = None,
 ) -> ParameterFit:
-    """Fit some parameters of an actuation to the force over whole runs."""
+    """Fit the named parameters of the delay and lags between command and force to whole runs."""
     lagged = LaggedForces(still, runs, settings.run_oversampling)
     residual = run_residual(runs)
     return fit_parameters(lagged, residual, start, parameter_names, settings, evaluation_count_max)

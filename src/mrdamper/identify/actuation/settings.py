@@ -41,8 +41,8 @@ class ActuationSettings:
     tolerance: float = 1e-4  # The search ends if lags and error change relatively by less than this.
     # Integration steps of the lags per sample interval. In step responses, the exact time of a command step
     # is more important than in whole runs.
-    oversampling: int = 16  # steps for step responses
-    run_oversampling: int = 4  # steps for whole runs
+    oversampling: int = 16  # integration steps in a fit to step responses
+    run_oversampling: int = 4  # integration steps in a fit to whole runs
     time_correction_count: int = 3  # number of corrections of rise and fall times by measured response times
     follow_share_step: float = 0.25  # first step of the pattern search for ``follow_share``
     follow_share_step_min: float = 0.05  # A smaller step ends the pattern search.

@@ -43,7 +43,8 @@ class ConsistencySettings:
     group_delay_min_s: float = 4e-3
     common_fraction_min: float = 0.015  # min fraction of the mean squared residual that a delay explains
     filter_ratio_min: float = 1.1  # A filter has to explain this many times as much as a delay.
-    # If one run explains more than this fraction of an effect in all runs, only this run is reported.
+    # An effect that was estimated for all runs is not reported if a single run alone has more than this
+    # fraction of the effect (RMS). Then only this run is reported.
     single_run_ratio_min: float = 0.9
     error_ratio_max: float = 2.5  # max standard error of a compared run, divided by the median of all runs
     second_cause_ratio_min: float = 0.5  # min fraction explained by a second cause / by the best cause

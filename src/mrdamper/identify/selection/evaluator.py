@@ -163,7 +163,7 @@ class CandidateEvaluator:
         return self.fit(fitted.candidate, [self._alternative_start(archetype, fitted)])
 
     def starts(self, candidate: Candidate) -> list[Damper]:
-        """Return several start dampers for a fit of a candidate, best first."""
+        """Return the dampers from which the search for a candidate's parameters starts, best first."""
         problem, archetypes = self.problem(candidate), self._archetypes(candidate.law)
         if not archetypes:
             return random_start(problem, 0, self.screening_windows)

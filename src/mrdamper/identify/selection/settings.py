@@ -29,7 +29,8 @@ class SelectionSettings:
     finalist_count_max: int = 3  # max number of laws that are cross-validated, in addition to modular laws
 
     # Forward selection
-    # An archetype is cross-validated only if its training error, divided by the smallest one, is below this.
+    # An archetype is a first set of terms of a law. It is cross-validated only if its training error, divided
+    # by the smallest training error of all archetypes of this law, is below this limit.
     archetype_error_ratio_max: float = 1.2
     # Terms are added to a law that is not modular only if its ratio of cross-validation errors is below this.
     law_cv_ratio_max: float = 1.2
