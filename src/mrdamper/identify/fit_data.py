@@ -38,7 +38,7 @@ class FitData:
     changing: tuple[PreparedRun, ...]  # remaining training runs with changing current, sorted by their data
     temperature: Temperature
     fluid: FluidFactors | None  # fluid with assumed temperature dependence; None: the dependence is fitted
-    one_command: bool  # True if a single current in all runs is accepted
+    one_command: bool  # True if runs that all have the same current are accepted
     preparation: Preparation
     fingerprint: str  # hash of the training data
     notes: tuple[str, ...] = ()
@@ -110,7 +110,7 @@ class FitData:
         terms: Sequence[str] | None = None,
         start: Mapping[str, float] | None = None,
     ) -> FitProblem:
-        """Return the problem of fitting a law with some terms to the runs ``steady``; see ``template``."""
+        """Return the problem of fitting a law with the named terms to the runs with constant current."""
         damper, free = template(
             law,
             self.steady,

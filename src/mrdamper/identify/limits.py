@@ -101,7 +101,7 @@ def _weaker(form: ParameterLaw, fraction: float, admissible: Coefficient) -> Par
 
 
 def _open_valve(gain: ParameterLaw, envelope: OperatingEnvelope) -> ParameterLaw:
-    """Return the position gain, limited so that the valve force keeps its sign within the stroke."""
+    """Return ``position_gain``, limited so that the valve force keeps its sign within the stroke."""
     gain_max = NUMERICS.position_change_max / max(abs(end) for end in envelope.displacement)
     if abs(gain.parameters[0]) <= gain_max or gain.kind != "constant":
         return gain

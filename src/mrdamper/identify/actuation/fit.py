@@ -44,7 +44,7 @@ _FOLLOW_SHARE = "follow_share"
 
 @dataclass(frozen=True, slots=True)
 class ActuationFit:
-    """An identified actuation with standard errors, response times and force errors."""
+    """Fitted delay and lags between command and force, with standard errors and response times."""
 
     actuation: Actuation
     standard_errors: dict[str, float]  # key: field of the actuation; NaN if not determined by the runs
@@ -87,7 +87,9 @@ def fit_actuation(
     start: Damper | None = None,
     settings: ActuationSettings = DEFAULT_SETTINGS,
 ) -> tuple[Damper, ActuationFit]:
-    """Fit an actuation to runs with a changing command; return the damper with the actuation, and the fit.
+    """Fit delay and lags between command and force; return the damper with them, and the fit.
+
+    The runs need a changing command.
 
     If the law has the coefficient ``follow_share``, a pattern search fits this fraction of the force. The
     lags are fitted for each trial value of the fraction.
@@ -95,8 +97,8 @@ def fit_actuation(
     Parameters
     ----------
     damper : damper fitted to runs with constant command; its law does not change
-    start : damper with a fitted actuation, where the search starts (its law may have other terms); None: the
-        search starts from the better of the fractions 0 and 1
+    start : damper with fitted delay and lags, where the search starts (its law may have other
+        terms). None: the search starts from the better of the fractions 0 and 1
 
     Raises
     ------
@@ -136,7 +138,7 @@ def fit_actuation(
 def force_rmse_N(
     still: Damper, lags: Actuation | None, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> float:
-    """Return the RMS force error [N] of a damper with the actuation ``lags`` over all scored samples."""
+    """Return the RMS force error [N] of a damper with delay and lags ``lags`` over all scored samples."""
     forces = LaggedForces(still, runs, settings.run_oversampling).forces_at_lags(lags or Actuation(0.0, 0.0))
     scored = zip(runs, forces, strict=True)
     return rms(np.concatenate([(force - run.force)[run.scored_from :] for run, force in scored]))

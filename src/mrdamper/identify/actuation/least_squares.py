@@ -1,4 +1,4 @@
-"""Fit an actuation by least squares: its lags to step responses, or any of its parameters to whole runs."""
+"""Fit an actuation (delay and lags between command and force) to step responses or to whole runs."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class SearchParameter(NamedTuple):
 
 
 class ParameterFit(NamedTuple):
-    """Result of a least-squares fit of an actuation."""
+    """Result of a least-squares fit of delay and lags between command and force."""
 
     actuation: Actuation
     standard_errors: dict[str, float]  # key: name of the fitted parameter; NaN on a bound
@@ -54,7 +54,7 @@ class ParameterFit(NamedTuple):
 
 
 class LaggedForces:
-    """Simulate the forces of several runs for trial actuations. Commands are constant between samples."""
+    """Simulate the forces of runs for trial values of delay and lags; commands are steps at samples."""
 
     def __init__(self, still: Damper, runs: Sequence[PreparedRun], oversampling: int) -> None:
         self._still, self._oversampling = still, oversampling
@@ -77,7 +77,7 @@ class LaggedForces:
         ]
 
     def forces_at_lags(self, lags: Actuation) -> list[FloatArray]:
-        """Return the force [N] of each run with the given actuation."""
+        """Return the force [N] of each run with the given delay and lags of the command."""
         return self.forces_at_commands(self.lag_commands(lags))
 
 

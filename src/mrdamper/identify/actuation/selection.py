@@ -1,4 +1,4 @@
-"""Choose by cross-validation if an actuation needs saturation, a second hysteresis loop or free-wheeling.
+"""Choose by cross-validation if the delay model needs saturation, a second loop or free-wheeling.
 
 The hysteresis loops of a saturating core have more than one width. A driver with one quadrant cannot force
 the current down, so that the current free-wheels through the coil. The speed of this decay depends on the

@@ -46,7 +46,7 @@ class HeldOutError:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RefittedFolds:
-    """Refitted dampers, each fitted without one fold, and the errors of each damper on the omitted fold."""
+    """Dampers refitted without one fold (group of runs) each, and their errors on the omitted fold."""
 
     kind: LeftOut  # what each fold holds out: motions, currents or time blocks
     dampers: tuple[Damper, ...]  # one damper for each fold

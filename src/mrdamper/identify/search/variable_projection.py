@@ -41,7 +41,7 @@ from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
 @dataclass(frozen=True, slots=True)
 class SearchState:
-    """State of a search after a step, reported as the ``detail`` of the progress."""
+    """State of a parameter search after a step, reported as ``detail`` of a progress message."""
 
     method: str
     start: int
@@ -76,7 +76,7 @@ def fit_variable_projection(
     Parameters
     ----------
     starts : number of random starts, each with several points of a Latin hypercube
-    windows : windows to fit; None: all runs
+    windows : sections of runs to fit; None: all runs
     on_progress : receives a ``SearchState`` after every accepted step
     """
     windows = problem.windows() if windows is None else tuple(windows)
@@ -173,7 +173,7 @@ def thorough_starts(
     search_windows: Sequence[FitWindow],
     pool: Pool = ONE_CORE,
 ) -> list[Damper]:
-    """Search for local minima of the cost on ``windows``; return the different minima, best first.
+    """Search for local minima of the cost on ``windows``; return dampers at different minima, best first.
 
     The minima are found on ``search_windows``, which can be a part of ``windows``. Descents on ``windows``
     then start from the best of them.
@@ -226,7 +226,7 @@ def thorough_starts(
 
 
 def random_dampers(problem: FitProblem, index: int) -> list[Damper]:
-    """Return copies of the template whose nonlinear parameters are the points of a Latin hypercube."""
+    """Return copies of the damper whose nonlinear parameters are the points of a Latin hypercube."""
     settings = problem.settings
     count = min(settings.draw_count_max, settings.draws_per_parameter * max(len(problem.nonlinear), 2))
     if problem.template.law.kernel is None:

@@ -13,7 +13,7 @@ from mrdamper.models.damper import Damper
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A law with a set of terms."""
+    """A law with a set of terms (optional groups of coefficients)."""
 
     law: str
     terms: tuple[str, ...]
@@ -31,7 +31,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CandidateStarts:
-    """Start dampers of a candidate, and the smallest of their errors [%] on the screening windows."""
+    """Dampers at which the fit of a candidate starts, and their smallest error [%] on a few windows."""
 
     candidate: Candidate
     dampers: list[Damper]
@@ -40,7 +40,7 @@ class CandidateStarts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedCandidate:
-    """A candidate fitted to all windows of the model selection, and the training error [%] of the fit."""
+    """A candidate (law with terms) fitted to all windows, and the training error [%] of the fit."""
 
     candidate: Candidate
     damper: Damper
@@ -59,7 +59,7 @@ class ValidatedCandidate:
     """
 
     fitted: FittedCandidate  # fit to all windows
-    dampers: tuple[Damper, ...]  # fit without each fold, in the order of the folds
+    dampers: tuple[Damper, ...]  # one fit per held-out fold, in the order of the folds
     squared_errors: FloatArray  # [%^2] of each window, when held out from the fit; NaN if never held out
     fractions: FloatArray  # weight of each window
     folds: NDArray[np.intp]  # number of the fold that holds out the window; -1 if no fold does
