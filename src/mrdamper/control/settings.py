@@ -28,7 +28,7 @@ class ControlSettings:
     # Prediction horizon
     horizon_steps: int = 6
     horizon_ratio: float = 0.8  # completed fraction of the response at the end of the horizon
-    freewheel_ratio: float = 0.95  # like horizon_ratio, for a current that can only free-wheel down
+    freewheel_ratio: float = 0.95  # the same fraction for a current that can only free-wheel down
     freewheel_stretch: int = 3  # length of a late time step / length of an early one, for such a current
     step_ratio_min: float = 0.25  # min time step of the horizon / time constant of the motion filter
     late_ratio_max: float = 0.5  # max time added by rounding up the dead time / time step
@@ -60,10 +60,10 @@ class ControlSettings:
     # Max number of currents in the tables. The multiples of 1/8 of the largest current are always among them.
     current_count_max: int = 41
     current_tolerance: float = 8e-4  # interpolation error / largest yield force
-    temperature_tolerance: float = 1e-4  # interpolation error in temperature / scale of the row
+    temperature_tolerance: float = 1e-4  # interpolation error in temperature / size of the coefficient
     temperature_count: int = 193  # number of temperatures at which coefficients are sampled
     rank_tolerance: float = 1e-7
-    # Typical values that scale the error of the rows for stiffness, mass and velocity
+    # Typical values that scale the interpolation errors of stiffness, mass and velocity
     typical_stroke_m: float = 0.05
     typical_acceleration_m_s2: float = 50.0
     low_speed_m_s: float = 0.01
@@ -72,13 +72,13 @@ class ControlSettings:
     cell_bits_max: int = 6
 
     # Targets of a damper of any size
-    force_percentiles: tuple[float, float] = (2.5, 97.5)  # They exclude short peaks of the force.
+    force_percentiles: tuple[float, float] = (2.5, 97.5)  # min and max of the force without short peaks
     sizing_temperature_degC: float = 20.0
-    motion_ratio_max: float = 0.8  # used stroke and speed / stroke and speed of the fitted runs
+    motion_ratio_max: float = 0.8  # stroke and speed of the motion / stroke and speed of the fitted runs
 
     # Scores. A feasible target has at least this distance from both ends of the attainable range.
     margin_N: float = 20.0
-    margin_ratio_max: float = 0.025  # A larger distance / peak of the target is reduced to this.
+    margin_ratio_max: float = 0.025  # max of this distance / peak of the target
 
 
 SETTINGS = ControlSettings()

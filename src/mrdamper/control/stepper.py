@@ -60,7 +60,7 @@ class StateEstimate:
     viscous_force: float
     friction_force: float
     other_force: float
-    disturbance: float  # observed force error times the sign of the velocity [N]
+    disturbance: float  # estimated force error of the model times the sign of the velocity [N]
     flags: Flag
 
     @property
@@ -71,7 +71,7 @@ class StateEstimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stepper:
-    """Configuration and tables for the kernel. Subclasses define inputs and outputs of a step."""
+    """Base of controllers and real-time model: their tables and configuration, and one step in C."""
 
     config: Config
     tables: DamperTables

@@ -110,12 +110,12 @@ class DamperTables:
 
     @property
     def levels(self) -> int:
-        """Return the number of levels: terms that do not depend on current and have no column."""
+        """Return the number of table terms that do not depend on current (levels)."""
         return len(self.rows) - int(self.column.shape[1])
 
     @property
     def begin(self) -> tuple[int, ...]:
-        """Return the index of the first column of each row group. The last item is the number of columns."""
+        """Return the first column of each group of coefficients, and at the end the number of columns."""
         of_columns = self.rows[self.levels :]
         return tuple(sum(row < first for row in of_columns) for first in (*_GROUPS, len(ROWS)))
 
@@ -137,7 +137,7 @@ class DamperTables:
         return np.stack([row[6] + row[7] for row in rows])
 
     def evaluate(self, kelvin: float) -> FloatArray:
-        """Return all rows at all currents for one temperature, as the kernel computes them, shape (10, n)."""
+        """Return all ten coefficients (rows) at all currents for one temperature as in C, shape (10, n)."""
         low, high, pieces = self.temperatures[0], self.temperatures[-1], len(self.factor)
         fraction = (kelvin - low) / (high - low) if high > low else 0.0
         place = float(np.clip(fraction, 0.0, 1.0)) * pieces
@@ -258,7 +258,7 @@ def _rows(values: dict[str, FloatArray]) -> FloatArray:
 
 
 def _scales(rows: FloatArray) -> FloatArray:
-    """Return the scale of each row. Tolerances are relative to these scales.
+    """Return the scale of each coefficient (row). Tolerances are relative to these scales.
 
     The scale of a force is the largest yield force, or the force at a low speed if this is larger. The reason
     is that a passive damper may have no yield force. Stiffness and mass are converted to forces with a stroke
@@ -314,12 +314,12 @@ def _current_fractions(
 
 
 def _terms(rows: FloatArray, scale: FloatArray) -> tuple[tuple[int, ...], FloatArray, FloatArray, int]:
-    """Decompose the rows into terms; return row, factor and column of each term, and the piece count.
+    """Decompose coefficients into terms; return row, factor and column of each term, and the piece count.
 
-    Each row is a matrix whose axes are temperature and current. It is decomposed by cross approximation: the
-    first term is the rank-one matrix that equals the row at the temperature and at the current of the row's
-    largest entry. The remainder is decomposed in the same way. The piece count is the number of pieces of the
-    temperature axis.
+    Each row is a coefficient: a matrix whose axes are temperature and current. It is decomposed by cross
+    approximation: the first term is the rank-one matrix that equals the row at the temperature and at the
+    current of the row's largest entry. The remainder is decomposed in the same way. The piece count is the
+    number of pieces of the temperature axis.
     """
     levels: list[tuple[int, FloatArray]] = []
     columns: list[tuple[int, FloatArray, FloatArray]] = []

@@ -145,7 +145,7 @@ class CurveTables:
     loading: LookupTable  # |w| versus travel on the loading branch
     unloading: LookupTable  # |w| versus travel on the unloading branch
     unload_map: LookupTable  # position on the unloading branch versus position on the loading branch
-    reload_map: LookupTable  # inverse of ``unload_map`` for the first half of the travel
+    reload_map: LookupTable  # inverse of ``unload_map`` in the first half of the travel
     reload_map_rest: LookupTable  # inverse of ``unload_map`` for the second half, versus the remaining travel
 
 
@@ -191,7 +191,7 @@ class _Branches:
         return np.asarray(1.0 - self.kappa * np.minimum(self.unload(tau), 1.0) ** self.n)
 
     def reload(self, tau: FloatArray) -> FloatArray:
-        """Return the position on the loading branch with the same u as on the unloading branch."""
+        """Return the positions on the loading branch with the same u as ``tau`` on the unloading branch."""
         return self.to_loading(self.unload(tau))
 
     def reload_slope(self, tau: FloatArray) -> FloatArray:
@@ -261,9 +261,9 @@ def universal_curve(kappa: float, n: float) -> CurveTables:
 class SpeedTables:
     """Functions of the speed [m/s] that multiply forces."""
 
-    viscous: LookupTable  # factor on the viscosity [m/s]
-    sliding: LookupTable  # factor on the kinetic friction
-    breakaway: LookupTable  # factor on the breakaway friction
+    viscous: LookupTable  # viscous force / viscosity [m/s]
+    sliding: LookupTable  # factor on the kinetic friction force
+    breakaway: LookupTable  # factor on the breakaway friction force
     saturation: LookupTable  # factor on a yield force that saturates with speed or has no memory
 
 
@@ -281,7 +281,7 @@ def functions_of_speed(
 
     Parameters
     ----------
-    present : names of the rows of the law; only viscous, sliding and breakaway are used
+    present : names of the coefficients of the law; only viscous, sliding and breakaway are used
     shape : values of the law's exponent and velocities, by coefficient name
     saturating : True if a yield force saturates with speed
     memoryless : True if the yield force follows the sign of the velocity
