@@ -83,7 +83,7 @@ class ParameterLaw(Protocol):
         ...
 
     def with_parameters(self, parameters: Sequence[float]) -> Self:
-        """Return the same form with new values of the parameters."""
+        """Return the same function with new values of the parameters."""
         ...
 
 

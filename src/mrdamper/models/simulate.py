@@ -135,7 +135,7 @@ def operating_point(drive: Drive, *, temperature_dependent: bool) -> tuple[float
 
 
 def effective_command(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-    """Return the effective command, its derivative with respect to the lag, and the temperature [K].
+    """Return the delayed command, its derivative with respect to the lag, and the temperature [K].
 
     Each array has one sample if command and temperature are constant.
     """
