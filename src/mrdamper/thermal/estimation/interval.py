@@ -44,8 +44,8 @@ class PredictionInterval:
 
     time: FloatArray  # [s], shape (t,)
     median: FloatArray  # predicted fluid temperature [K], shape (t,)
-    low: FloatArray  # lower end of its interval [K], shape (t,)
-    high: FloatArray  # upper end of its interval [K], shape (t,)
+    low: FloatArray  # lower end of the 90 % interval of ``median`` [K], shape (t,)
+    high: FloatArray  # upper end of the 90 % interval of ``median`` [K], shape (t,)
     probability: float
     to_limits: tuple[TimeToLimit, ...]  # times to the limits of fluid, coil and seals
 

@@ -69,18 +69,18 @@ class ThermalNetwork:
 
     model: str  # "network" or "lumped"
     names: tuple[str, ...]
-    capacity: FloatArray  # [J/K], shape (n,)
-    conductance: FloatArray  # [W/K], shape (n, n), symmetric, zero diagonal
+    capacity: FloatArray  # heat capacity of the nodes [J/K], shape (n,)
+    conductance: FloatArray  # between two nodes [W/K], shape (n, n), symmetric, zero diagonal
     mechanical: FloatArray  # [-], shape (n,)
     electrical: FloatArray  # [-], shape (n,)
     fluid: FloatArray  # [-], shape (n,)
     coil: FloatArray  # [-], shape (n,)
     wall: FloatArray  # [-], shape (n,)
-    ambient: float  # [K]
-    grid: FloatArray  # [K], shape (g,), uniform
+    ambient: float  # ambient temperature [K]
+    grid: FloatArray  # temperatures of the loss tables [K], shape (g,), uniform
     loss_node: tuple[int, ...]  # node of each loss
     loss_path: tuple[str, ...]  # path of each loss, one of PATHS
-    watts: FloatArray  # [W], shape (m, g)
+    watts: FloatArray  # heat losses [W], shape (m, g)
 
     def __post_init__(self) -> None:
         for name in (

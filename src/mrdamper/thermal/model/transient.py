@@ -32,7 +32,7 @@ class Heating(EnergyAccount):
 
     network: ThermalNetwork
     time: FloatArray  # [s], shape (k,)
-    temperature: FloatArray  # [K], shape (k, n)
+    temperature: FloatArray  # temperature of each node [K], shape (k, n)
     flow: FloatArray  # losses and heat sources [W], shape (k, m + 2)
     energy: FloatArray  # losses and heat sources, integrated since the start [J], shape (k, m + 2)
     stopped: bool  # True if the fluid reached the temperature at which the simulation ends
