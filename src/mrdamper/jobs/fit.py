@@ -209,7 +209,7 @@ def _repetition_note(first: Selection, last: Selection) -> str:
 
 
 def _tracked(damper: Damper) -> bool:
-    """Return True if the jobs ``track`` and ``export`` can make a controller from the damper."""
+    """Return True if the program can make a force controller for the damper."""
     return damper.law.name in (*TABULATED, *STEPPED)
 
 
@@ -242,7 +242,7 @@ def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
 
 
 def _sampled(fitted: Identification, options: FitOptions) -> tuple[Identification, CardDraws | None]:
-    """Return the fit and its posterior samples; None instead of samples if not requested or sampling fails.
+    """Return the fit and its posterior samples (None if they are not requested or cannot be drawn).
 
     If sampling fails, a note is added to the fit.
     """

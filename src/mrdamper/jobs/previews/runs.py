@@ -286,7 +286,7 @@ def _unit(said: tuple[str, str], table: Table, name: str) -> str:
 
 
 def _sample(values: FloatArray) -> list[float | None]:
-    """Return evenly spaced samples from the middle of a column, at the same indices for all columns."""
+    """Return evenly spaced samples from the middle of a column. All columns have the same indices."""
     begin = max(0, (len(values) - _LOOP_SAMPLES_MAX) // 2)
     part = values[begin : begin + _LOOP_SAMPLES_MAX]
     return [finite_or_none(float(value)) for value in part[:: max(1, len(part) // _LOOP_POINT_COUNT)]]

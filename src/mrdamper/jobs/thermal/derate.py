@@ -42,7 +42,7 @@ class DerateResult(JobResult):
     duty: str
     quantity: Quantity
     unit: str
-    whole: float  # value of the quantity in the unchanged load cycle [unit]
+    whole: float  # current, stroke or duty ratio in the unchanged load cycle [unit]
     ambient_degC: FloatArray
     air_m_s: FloatArray
     duration_min: FloatArray
