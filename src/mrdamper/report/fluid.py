@@ -83,7 +83,7 @@ def _over_field(study: Study) -> Panel:
 
 
 def _points(x: FloatArray, y: FloatArray, study: Study) -> Line:
-    """Return the measured points of a table."""
+    """Return the measured points of a rheometer table for a plot."""
     points = [
         Point(at, value, "training" if used else "held_out")
         for at, value, used in zip(x.tolist(), y.tolist(), study.used.tolist(), strict=True)
@@ -92,7 +92,7 @@ def _points(x: FloatArray, y: FloatArray, study: Study) -> Line:
 
 
 def _levels(values: FloatArray) -> Sequence[float]:
-    """Return at most six distinct values, rounded to three digits."""
+    """Return at most six different field strengths or temperatures, rounded to three digits."""
     return pick_evenly(sorted({float(f"{value:.3g}") for value in values.tolist()}), 6)
 
 
