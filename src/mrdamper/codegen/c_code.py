@@ -280,7 +280,7 @@ class _Print:
 
 @lru_cache(maxsize=8)
 def _print_parts(target: Target, *, thermal: bool = False) -> _Print:
-    """Return the C text of a target or of its thermal model. It is cached for several files."""
+    """Return the C text of structs and tables of a target or of its thermal model; cached."""
     return _Print(target, thermal=thermal)
 
 

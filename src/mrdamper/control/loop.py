@@ -136,7 +136,7 @@ def steps_per_sample(period_s: float, step_s: float) -> int:
 def run_loop(
     plant: Plant, controller: Controller, scenario: Scenario, course: ReferenceTrajectory | None = None
 ) -> LoopRun:
-    """Run a controller on a copy of the plant in its present state; see ``run_loops``."""
+    """Run a controller on a copy of the simulated damper (plant) in its present state."""
     return run_loops(plant, [controller], [scenario], course)[0][0]
 
 

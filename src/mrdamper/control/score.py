@@ -27,11 +27,11 @@ from mrdamper.errors import InputError
 class AttainableRange:
     """Forces that a damper can produce along a motion, between zero and the highest current, shape (n,)."""
 
-    low: FloatArray  # [N]
-    high: FloatArray  # [N]
+    low: FloatArray  # smallest possible force [N]
+    high: FloatArray  # largest possible force [N]
 
     def feasible(self, target: FloatArray, *, margin_N: float | None = None) -> BoolArray:
-        """Return True for every sample at which the target [N] is feasible.
+        """Return True for every sample at which the damper can produce the target [N] (feasible target).
 
         A feasible target is inside the range and at least the margin away from both ends. The default margin
         is 20 N, or 2.5 % of the largest absolute target if this is smaller.
@@ -140,7 +140,7 @@ def _percent(value: float | None, of: float) -> float | None:
 
 
 def combine_worst(scores: Sequence[Score]) -> Score:
-    """Return the worst value of each score over several runs: the min of a fraction, the max of others."""
+    """Return the worst value of each score over several runs: min of a fraction, max of an error or power."""
     if not scores:
         raise InputError(place="scores", found="there are no scores")
     found: dict[str, float | None] = {}

@@ -23,12 +23,12 @@ class ControlSettings:
     # noise. In tests with five motions of 0.4 to 20 Hz at 1 kHz, the force is as accurate as with a given
     # velocity if the assumed noise is below 1e-7 m. Below 1e-8 m, the gains no longer change.
     model_noise_m: float = 1e-8
-    model_jerk_density: float = 30.0  # [m/s^3 per root Hz]
+    model_jerk_density: float = 30.0  # jerk density of the assumed motion [m/s^3 per root Hz]
 
     # Prediction horizon
     horizon_steps: int = 6
     horizon_ratio: float = 0.8  # completed fraction of the response at the end of the horizon
-    freewheel_ratio: float = 0.95  # the same fraction for a current that can only free-wheel down
+    freewheel_ratio: float = 0.95  # completed fraction for a current that can only free-wheel down
     freewheel_stretch: int = 3  # length of a late time step / length of an early one, for such a current
     step_ratio_min: float = 0.25  # min time step of the horizon / time constant of the motion filter
     late_ratio_max: float = 0.5  # max time added by rounding up the dead time / time step
@@ -76,7 +76,7 @@ class ControlSettings:
     sizing_temperature_degC: float = 20.0
     motion_ratio_max: float = 0.8  # stroke and speed of the motion / stroke and speed of the fitted runs
 
-    # Scores. A feasible target has at least this distance from both ends of the attainable range.
+    # Scores. A target is feasible with at least this distance from both ends of the attainable force range.
     margin_N: float = 20.0
     margin_ratio_max: float = 0.025  # max of this distance / peak of the target
 

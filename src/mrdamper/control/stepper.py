@@ -30,7 +30,7 @@ class Flag(IntFlag):
     NO_FORCE = 128  # the force reading is missing although the controller uses force feedback
     OUTSIDE_MOTION = 256  # displacement or velocity is outside the range of the data
     OUTSIDE_TEMPERATURE = 512  # the temperature is outside the range of the model: the nearest end is used
-    INFEASIBLE = 1024  # no current gives the wanted force
+    INFEASIBLE = 1024  # the damper cannot produce the wanted force at any current
     # The controller's command is at its minimum or maximum, or the real-time model got a current beyond them.
     SATURATED = 4096
     # The real-time model got a current that is NaN or far outside its range. It uses the last valid current,

@@ -125,7 +125,7 @@ class FitData:
 
 
 def _content(run: PreparedRun) -> tuple[float | str, ...]:
-    """Return a sort key of a run that depends on its data, and not on its name or file."""
+    """Return a sort key of a run that depends on the samples, and not on the name or file of the run."""
     path = run.trajectory
     kelvin = 0.0 if path.temperature is None else float(np.mean(path.temperature))
     digest = hashlib.sha256()

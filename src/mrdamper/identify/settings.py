@@ -125,7 +125,8 @@ class NumericalSettings:
     # Perturbations: fraction of the coordinates that are changed, and standard deviation of the change in
     # e-folds for coordinates on a logarithmic scale
     perturbations: tuple[tuple[float, float], ...] = ((1.0, 0.1), (0.5, 0.5), (0.2, 1.5), (0.5, 1.5))
-    # On a linear scale, a perturbation of 1 e-fold is replaced by this fraction of the range of the bounds.
+    # A perturbation of 1 e-fold is replaced by this fraction of the range between the bounds if the scale is
+    # linear.
     perturbation_range_ratio: float = 0.1
     exchanged_fractions: tuple[float, ...] = (0.15, 0.3, 0.5)  # fraction of coefficients from another minimum
     python_law_draw_count: int = 8  # points in each random set for a slow law in Python

@@ -211,7 +211,7 @@ def _default_terms(law: HysteresisLaw, *, campaign: bool) -> tuple[str, ...]:
 def _dependence(
     law: HysteresisLaw, entry: FreeCoefficient, s: Scale
 ) -> tuple[ParameterLaw, list[FreeParameter]]:
-    """Return the dependence of a coefficient on current, and its free parameters.
+    """Return a coefficient as a function of current, and the free parameters of this function.
 
     The number of parameters does not exceed the number of different commands.
     """

@@ -41,7 +41,7 @@ class Scale:
     speed: float  # 99.5th percentile of |v| of the fastest run [m/s]
     acceleration: float  # 99.5th percentile of |a| of the run with the largest value [m/s^2]
     command: float  # maximum of |command| [A or V]
-    levels: int  # number of different constant commands, at least 4 if a run has a changing command
+    levels: int  # number of different constant commands; at least 4 if a command changes during a run
     temperatures: tuple[float, ...]  # different temperatures [K]; empty unless all runs have a temperature
 
     def size_of(self, unit: str) -> float:

@@ -162,7 +162,7 @@ def _terms(options: FitOptions) -> tuple[str, ...] | None:
 
 
 def options_for(runs: Dataset, options: FitOptions) -> FitOptions:
-    """Return the options with only those ``hold_out`` patterns that match at least one of the runs."""
+    """Return the options without ``hold_out`` patterns that match no run."""
     present = [glob for glob in options.hold_out if any(fnmatchcase(name, glob) for name in runs.names)]
     return replace(options, hold_out=tuple(present))
 

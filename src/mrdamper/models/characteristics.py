@@ -173,7 +173,7 @@ class Characterisation:
     scope: Scope
     curves: tuple[tuple[PeakVelocityCurve, ...], ...]
     extension: FloatArray  # peak-velocity pick at the speeds of the tables [N]
-    retraction: FloatArray  # the same in retraction [N]
+    retraction: FloatArray  # peak-velocity pick in retraction [N]
     energy: FloatArray  # energy per cycle of ``scope.motion`` [J]
     responses: tuple[Response, ...]  # responses to a rising and a falling step; empty if there is no lag
 

@@ -297,8 +297,8 @@ class Saturation(Hill):
 class Exponential:
     """value = at_zero exp(rate I)."""
 
-    at_zero: float  # [coefficient unit]
-    rate: float  # [1 / command unit]
+    at_zero: float  # value at zero command [coefficient unit]
+    rate: float  # relative increase per command [1 / command unit]
 
     kind: ClassVar[str] = "exponential"
     temperature_dependent: ClassVar[bool] = False

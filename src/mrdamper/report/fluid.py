@@ -62,7 +62,7 @@ def _over_temperature(study: Study, label: str, scale: float) -> Panel:
 
 
 def _residuals(study: Study) -> Panel:
-    """Return a panel with the deviations of measured points and of the other laws from the best law."""
+    """Return a panel with the deviations of measured points and of all fitted laws from the best law."""
     celsius, best = study.temperature_K - ZERO_CELSIUS_K, study.best.value(study.temperature_K)
     lines = [_points(celsius, 100.0 * (study.value / best - 1.0), study)]
     for fit, colour in zip(study.fits[1:], SERIES[1:], strict=False):

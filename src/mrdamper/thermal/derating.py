@@ -144,7 +144,7 @@ def _scaled(segment: Segment, motion: float, command: float) -> Segment:
 
 
 def _joint_model(drawing: DamperDrawing, conditions: Conditions) -> ReducedModel:
-    """Return a reduced model for the whole map, whose basis contains the responses at the corners."""
+    """Return one reduced thermal model for all conditions; its basis has the responses at their extremes."""
     ends = [(ambient, air) for ambient in conditions.ambient[[0, -1]] for air in conditions.air[[0, -1]]]
     around = [
         replace(drawing.surroundings, ambient=float(t), air_speed=float(u)) for t, u in dict.fromkeys(ends)

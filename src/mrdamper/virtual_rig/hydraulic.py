@@ -43,7 +43,7 @@ class HydraulicDamper:
         If a parameter is not finite or outside its range, or the name is invalid in a file name.
     """
 
-    kind: ClassVar[str] = "hydraulic"  # kind of the native plant
+    kind: ClassVar[str] = "hydraulic"  # kind of the damper in the C extension
 
     name: str = "hydraulic-bench"  # prefix of the run names
     # cylinder, fluid and gas

@@ -47,7 +47,7 @@ class LumpedDamper:
         If a parameter is not finite or outside its range, or the name is not valid in a file name.
     """
 
-    kind: ClassVar[str] = "lumped"  # kind of the native plant
+    kind: ClassVar[str] = "lumped"  # kind of the damper in the C extension
 
     name: str = "nominal"  # prefix of the run names
     # driver and coil

@@ -54,7 +54,7 @@ CURVES = ("loading", "unloading", "unload_map", "reload_map", "reload_map_rest")
 SPEEDS = ("viscous", "sliding", "breakaway", "saturation")
 """Names of the lookup tables that are functions of speed, in the kernel's order."""
 
-LEVEL_ROW_COUNT = 6  # Only the first six rows can be levels (terms that do not depend on current).
+LEVEL_ROW_COUNT = 6  # Only the first six coefficients can have terms that do not depend on current.
 _GROUPS = (0, 6, 7, 8, 9)  # Index in ROWS at which each row group of the kernel begins.
 _PIECES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
 TERM_COUNT_MAX = 48  # the same value as MRD_TRACK_TERMS in the kernel
@@ -66,13 +66,13 @@ _SHAPES = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DamperTables:
-    """All tables of a damper with their axes."""
+    """Tables of the coefficients of a damper versus current and temperature, with their axes."""
 
     currents: FloatArray  # [A or V], rising from 0, denser where the force curve bends, shape (n,)
     temperatures: FloatArray  # ends of the equal pieces of the temperature range [K], shape (pieces + 1,)
-    rows: tuple[int, ...]  # index in ROWS of the row of each term; levels first, then by row
+    rows: tuple[int, ...]  # index in ROWS of each term; terms that do not depend on current are first
     factor: FloatArray  # coefficients of each term's parabolas in temperature, shape (pieces, terms, 3)
-    column: FloatArray  # functions of current of all terms that are not levels, shape (n, columns)
+    column: FloatArray  # functions of current of the terms that depend on current, shape (n, columns)
     elements: int
     saturating: bool
     curve: CurveTables
@@ -247,7 +247,7 @@ def _coefficients(damper: Damper, at: FloatArray, warm: FloatArray) -> dict[str,
 
 
 def _rows(values: dict[str, FloatArray]) -> FloatArray:
-    """Arrange coefficients of shape (t, n) in the order of ``ROWS``; return them with shape (10, t, n)."""
+    """Return coefficients of shape (t, n) in the order of ``ROWS`` as one array of shape (10, t, n)."""
     zero = np.zeros_like(values["offset"])
     second = values.get("second_force", values.get("rate_force", zero))
     names = (

@@ -199,7 +199,7 @@ class _Branches:
 
 
 def _sample_branches(kappa: float, n: float) -> _Branches:
-    """Return the two branches of the curve with their samples."""
+    """Return loading and unloading branch of the universal curve, with samples of both."""
     end = 26.0 / n + 2.0
     dense = end * np.sinh(np.linspace(0.0, 14.0, 40_001)) / math.sinh(14.0)
     up, down = (np.maximum.accumulate(np.abs(core.curve(kappa, n, side * dense)[0])) for side in (1.0, -1.0))

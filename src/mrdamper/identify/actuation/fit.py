@@ -47,7 +47,7 @@ class ActuationFit:
     """Fitted delay and lags between command and force, with standard errors and response times."""
 
     actuation: Actuation
-    standard_errors: dict[str, float]  # key: field of the actuation; NaN if not determined by the runs
+    standard_errors: dict[str, float]  # by field of ``actuation``; NaN if not determined by the runs
     t63_s: float  # time to 63 % of the change of force after an upward step of the command
     t90_s: float  # time to 90 % of the change of the effective command (after the lags), for an upward step
     rmse_N: float  # RMS force error if delay and lags are simulated

@@ -24,7 +24,7 @@ from mrdamper.models.simulate import simulate
 def fit_hysteresis_at_levels(
     damper: Damper, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> tuple[float, float]:
-    """Return the half width of the loop [A or V] and its standard error, from runs with held commands.
+    """Return half width and standard error of the magnetic hysteresis [A or V] from runs with held commands.
 
     Return 0 and NaN if no run has suitable samples. Overshoot hides a part of the hysteresis in some runs.
     Therefore the run with the largest lower confidence limit is the reference. The half width is the average

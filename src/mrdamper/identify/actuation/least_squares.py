@@ -87,7 +87,7 @@ def largest_command(runs: Sequence[PreparedRun]) -> float:
 
 
 def search_parameter(name: str, command_max: float, settings: ActuationSettings) -> SearchParameter:
-    """Return bounds, scale and margin of the actuation parameter ``name`` in the search."""
+    """Return bounds, scale and margin of the delay or lag parameter ``name`` in the search."""
     if name in ("hysteresis_width_A", "wide_hysteresis_width_A"):
         return SearchParameter(0.0, command_max, 0.02 * command_max, is_log=False)
     if name == "saturation":

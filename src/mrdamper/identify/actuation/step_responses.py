@@ -29,10 +29,10 @@ STEP_FRACTION = 1.0 - math.exp(-1.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepResponse:
-    """Response to one step of the command. Arrays have one value per sample of the window after the step."""
+    """Response to one step of the command. Arrays have one value per sample in ``window``."""
 
     window: slice  # samples after the step
-    fraction: FloatArray  # measured step response [-]
+    fraction: FloatArray  # measured step response [-]: 0 before the step, 1 when the force has settled
     size_N: FloatArray  # settled force after the step minus settled force before the step
     law_before_N: FloatArray  # force of the law at the command before the step
     law_after_N: FloatArray  # force of the law at the command after the step
@@ -47,14 +47,14 @@ class StepResponse:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SteppedRun:
-    """A run and the responses to its command steps."""
+    """A run and the force responses to its command steps."""
 
     run: PreparedRun
     responses: tuple[StepResponse, ...]
 
 
 def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationSettings) -> SteppedRun | None:
-    """Return a run with the responses to its command steps; None if the run has no usable step.
+    """Return a run with the force responses to its command steps; None if the run has no usable step.
 
     A step is usable if it satisfies three conditions. Both held commands have enough settled samples in the
     direction of motion at the step. The motion continues in this direction. The step changes the force.
@@ -79,7 +79,7 @@ def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationS
     force_min_N = settings.response_force_min * float(np.abs(run.force).max())
 
     def map_at(k: int, first: int) -> FloatArray | None:
-        """Return the force map [N] of the k-th level for the direction of motion at sample ``first``."""
+        """Return the settled force [N] at the k-th held command, for the motion direction at ``first``."""
         samples = settled & (np.array(levels)[segment] == levels[k]) & (direction == direction[first])
         if np.count_nonzero(samples) < settings.level_sample_count_min:
             return None
@@ -228,7 +228,7 @@ def mean_time(times: Sequence[tuple[tuple[int, int], float]], relative_error: fl
 
 
 def driver_quadrants(steps: Sequence[StepResponse], up_s: float, ratio: float) -> int | None:
-    """Return the number of driver quadrants: 1 if steps to zero take much longer than other steps, else 2.
+    """Return the quadrants of the current driver: 1 if steps to zero take much longer than others, else 2.
 
     Return None if the runs lack steps up, steps to zero, or steps down to another value. A driver with one
     quadrant cannot force the current down. The current free-wheels with the time constant of the coil. A step

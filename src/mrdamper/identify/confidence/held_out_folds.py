@@ -189,7 +189,7 @@ def with_errors_between_motions(
 def _motion_distances(
     runs: Sequence[PreparedRun], folds: Sequence[Fold]
 ) -> tuple[tuple[MotionSize, ...], float]:
-    """Return the sizes of all motions, and the mean distance of a run to the nearest run in other folds."""
+    """Return the sizes of all motions, and the mean distance of a run to the nearest run outside its fold."""
     sizes = [MotionSize.from_motion(run.trajectory) for run in runs]
     distances = [
         sizes[k].distance([size for j, size in enumerate(sizes) if j not in fold.runs])

@@ -101,7 +101,7 @@ class Descents:
         return accepted
 
     def _steps(self, k: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-        """Return the next steps of the descents ``k``, and the expected decreases of their costs."""
+        """Return the next steps of the descents ``k``, and the expected decrease of the cost in each step."""
         points, hessian, gradient = self.points[k], self.hessians[k], self._gradients[k]
         low = np.minimum(np.maximum(self._box.low - points, -self._step_max), 0.0)
         high = np.maximum(np.minimum(self._box.high - points, self._step_max), 0.0)

@@ -96,7 +96,7 @@ class Objective:
         return self.problem.template.with_parameters(dict(zip(names, values, strict=True)))
 
     def costs_of(self, dampers: Sequence[Damper]) -> FloatArray:
-        """Return the cost [%^2] of each damper with its best linear parameters; infinite if not finite."""
+        """Return the cost [%^2] of each damper with the best linear parameters; infinite if it diverges."""
         points, linear = self.points_of(dampers)
         return self.eliminate(self.box.to_physical(points), linear, tangents=False).cost
 

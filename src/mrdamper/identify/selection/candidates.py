@@ -51,7 +51,7 @@ class FittedCandidate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ValidatedCandidate:
-    """A fitted candidate with its errors on held-out windows.
+    """A fitted candidate (law with terms) with its errors on held-out windows.
 
     In the total error, the runs with constant current and the runs with changing current have half of the
     weight each. Most laboratory runs have constant current, but a controller changes the current all the
@@ -126,7 +126,7 @@ class ValidatedCandidate:
         return weights / weights.sum(), errors_percent, folds[first]
 
     def gain_relative_to(self, other: ValidatedCandidate) -> tuple[float, float]:
-        """Return the relative decrease of the mean error from ``other`` to this candidate, and Student's t.
+        """Return the decrease of the mean error from ``other`` to this candidate, and its t statistic.
 
         The t statistic is computed from the error differences of the folds and of the runs with changing
         current. These two kinds of differences have separate variances.

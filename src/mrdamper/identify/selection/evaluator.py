@@ -173,14 +173,14 @@ class CandidateEvaluator:
         return thorough_starts(problem, starts, self.windows, self.windows, self.pool)
 
     def search_thoroughly(self, fitted: FittedCandidate) -> FittedCandidate:
-        """Fit a candidate from many starts; return the fit with the smallest training error."""
+        """Fit a candidate from many initial dampers; return the fit with the smallest training error."""
         starts = [fitted.damper, *self._with_restarted_terms(fitted.candidate, fitted.damper)]
         problem = self.problem(fitted.candidate)
         ends = thorough_starts(problem, starts, self.windows, self.screening_windows, self.pool)
         return self.fit(fitted.candidate, [fitted.damper, *ends])
 
     def _with_restarted_terms(self, candidate: Candidate, damper: Damper) -> list[Damper]:
-        """Return copies of a damper. In each copy, one term is reset to one of its start values.
+        """Return copies of a damper. In each copy, one term is reset to one of the start values of the term.
 
         A term can describe two different effects. For example, friction in series with a stiff spring acts as
         friction, and friction in series with a soft spring acts as a hysteretic stiffness. A local search
@@ -226,7 +226,7 @@ class CandidateEvaluator:
         return fitted.damper.with_parameters({name: template[name] for name in own})
 
     def _archetype_points(self, candidate: Candidate, archetype: Archetype) -> list[Damper]:
-        """Return dampers with the start values of an archetype, combined with the start values of its law."""
+        """Return dampers with start values of a set of terms, also combined with start values of the law."""
         starts = [
             archetype.start,
             *({**archetype.start, **start} for start in starts_of(LAWS[candidate.law])),
@@ -249,7 +249,7 @@ class CandidateEvaluator:
         ]
 
     def removable_terms(self, candidate: Candidate) -> list[str]:
-        """Return the names of a candidate's terms that none of its other terms requires."""
+        """Return the names of the terms of a candidate that no remaining term requires."""
         if self._terms is not None:
             return []
         known = terms_of(LAWS[candidate.law])
@@ -307,7 +307,7 @@ class CandidateEvaluator:
         return float(np.sqrt(Objective(problem, self.all_windows).costs_of([fitted.damper])[0]))
 
     def is_represented(self, fitted: FittedCandidate) -> bool:
-        """Return True if a candidate's error on all runs is not much larger than its error on the windows."""
+        """Return True if a candidate's error on all runs is not much larger than on the fitted windows."""
         limit_percent = self.settings.subset_error_ratio_max * fitted.training_rms_percent
         return not self.is_subset or self.error_on_all_runs_percent(fitted) <= limit_percent
 
@@ -398,7 +398,7 @@ def _decimated(run: PreparedRun, settings: SelectionSettings) -> PreparedRun:
 
 
 def _squared_errors(damper: Damper, windows: Sequence[FitWindow]) -> FloatArray:
-    """Return the squared error [%^2] of each window, relative to the force of its run."""
+    """Return the squared error [%^2] of each window, relative to the force of the run."""
     forces = simulate_each(damper.on_limits(), [window.drive for window in windows])
     squares = [
         window.weight / window.fraction * float(np.sum(np.square((force - window.force)[window.start :])))

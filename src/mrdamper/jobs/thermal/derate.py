@@ -100,7 +100,7 @@ def derate(
 
 
 def _unchanged_value(duty: Duty, quantity: Quantity) -> tuple[float, str]:
-    """Return the value of a quantity in the unchanged load cycle, and its unit."""
+    """Return current, stroke or duty ratio (``quantity``) of the unchanged load cycle, and its unit."""
     if quantity == "current":
         return max(each.command for each in duty.segments), duty.command_unit
     if quantity == "duty":

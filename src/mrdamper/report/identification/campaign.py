@@ -95,9 +95,9 @@ def _stroke_in(motion: str) -> float:
 class Pick:
     """Measured mean force at the peak velocity of a sine, in extension and in retraction."""
 
-    velocity: float  # [m/s]
-    extension: float  # [N]
-    retraction: float  # [N]
+    velocity: float  # peak velocity [m/s]
+    extension: float  # mean force in extension [N]
+    retraction: float  # mean force in retraction [N]
 
 
 def peak_force(run: PreparedRun) -> float | None:
@@ -110,7 +110,7 @@ def peak_force(run: PreparedRun) -> float | None:
 
 
 def pick_of(run: PreparedRun) -> Pick | None:
-    """Return the measured force at peak velocity of a run with a sine, or None for other motions."""
+    """Return the measured force at peak velocity of a run with a sine; None if the motion is not a sine."""
     peak_velocity_ratio_min = 0.95  # Samples above this fraction of the peak velocity are averaged.
     if run.period_s is None or not run.motion.startswith("sine"):
         return None

@@ -75,7 +75,7 @@ def _comparison(run: HeatsinkResult) -> str:
 
 
 def _interval(run: HeatsinkResult) -> str:
-    """Return the interval of the temperature difference to the reference; its middle is positive."""
+    """Return the interval of the temperature difference to the reference; the middle is positive."""
     low, high = (run.gain.low, run.gain.high) if run.gain.middle >= 0.0 else (-run.gain.high, -run.gain.low)
     return f"{low:.1f} to {high:.1f} K"
 

@@ -70,12 +70,12 @@ class ThermalNetwork:
     model: str  # "network" or "lumped"
     names: tuple[str, ...]
     capacity: FloatArray  # heat capacity of the nodes [J/K], shape (n,)
-    conductance: FloatArray  # between two nodes [W/K], shape (n, n), symmetric, zero diagonal
-    mechanical: FloatArray  # [-], shape (n,)
-    electrical: FloatArray  # [-], shape (n,)
-    fluid: FloatArray  # [-], shape (n,)
-    coil: FloatArray  # [-], shape (n,)
-    wall: FloatArray  # [-], shape (n,)
+    conductance: FloatArray  # conductance between nodes [W/K], shape (n, n), symmetric, zero diagonal
+    mechanical: FloatArray  # fractions of the mechanical power [-], shape (n,)
+    electrical: FloatArray  # fractions of the coil heat [-], shape (n,)
+    fluid: FloatArray  # weights in the mean fluid temperature [-], shape (n,)
+    coil: FloatArray  # weights in the mean coil temperature [-], shape (n,)
+    wall: FloatArray  # weights in the mean wall temperature [-], shape (n,)
     ambient: float  # ambient temperature [K]
     grid: FloatArray  # temperatures of the loss tables [K], shape (g,), uniform
     loss_node: tuple[int, ...]  # node of each loss
