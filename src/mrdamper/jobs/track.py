@@ -108,7 +108,7 @@ class _Damper:
     sized: bool = False
 
     def targets(self) -> tuple[Sequence[Scenario], bool]:
-        """Return the default targets and a flag, which is True if these targets are scaled to the damper."""
+        """Return the default targets, and True if these targets are scaled to the damper."""
         usual = tuple(SCENARIOS.values())
         if self.motions and (self.sized or not all(map(self._follows, usual))):
             return size_targets(self.plant, self.highest_A, self.motions), True
@@ -544,7 +544,7 @@ def _no_controller(name: str, card: ModelCard, every: Mapping[str, Controller]) 
 
 
 def _check_lag(cards: Mapping[str, tuple[str, ModelCard]]) -> None:
-    """Raise InputError if a controller needs the lag between current and force and its card has no lag."""
+    """Raise InputError if a controller needs a lag between current and force but the card has none."""
     late: dict[str, list[str]] = {}
     for name, (place, card) in cards.items():
         no_actuator_lag = card.damper.actuation is None and card.damper.command_lag_s == 0.0

@@ -221,7 +221,7 @@ def hermite(trajectory: Trajectory) -> FloatArray:
 
 
 def turns_of(cubic: Sequence[float]) -> list[float]:
-    """Return the points between 0 and 1 at which the slope of the cubic changes its sign."""
+    """Return the points between 0 and 1 at which the slope of a cubic polynomial changes sign."""
     c, b, a = cubic[1], 2 * cubic[2], 3 * cubic[3]
     discriminant = b * b - 4 * a * c
     if discriminant <= 0.0:

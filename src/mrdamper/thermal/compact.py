@@ -313,7 +313,7 @@ def simulate_compact(
 
 
 def typical_power(model: CompactModel) -> float:
-    """Return the typical power of a damper [W]. Without losses, it heats the damper by 100 K in 30 min."""
+    """Return the power [W] that would heat the damper by 100 K in 30 min if there were no losses."""
     return float(model.capacity[0]) * SETTINGS.typical_power_rise_K / SETTINGS.typical_power_time_s
 
 

@@ -244,7 +244,7 @@ class DamperDrawing:
         return math.fsum(of.volumetric_heat * volume for of, volume in heats)
 
     def capacity_growth(self, part: str) -> CapacityCurve | None:
-        """Return the heat capacity of a part versus temperature / its mean; None if it is constant."""
+        """Return heat capacity versus temperature / mean heat capacity of a part; None if constant."""
         if self.heat_capacity is None:
             return None
         parts = self.heat_capacity.parts

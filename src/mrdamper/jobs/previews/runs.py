@@ -150,7 +150,7 @@ def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[FileV
 
 
 def _offers(tables: Sequence[Table], path: Path) -> list[Json]:
-    """Return the known channel maps that can read this file: maps of the package and of files next to it."""
+    """Return the channel maps that can read a file: maps of the package and of files in the same folder."""
     most_offers = 20  # max number of channel maps of other files that are tried
     known = (*sorted(MAPS.glob("*.toml")), *sorted(path.parent.glob(f"*{MAP_SUFFIX}"))[:most_offers])
     offers: list[Json] = []

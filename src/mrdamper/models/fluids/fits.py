@@ -27,7 +27,7 @@ HOT_K = 373.15  # Reports state the decrease of viscosity or yield stress from 2
 
 @dataclass(frozen=True, slots=True)
 class FittedParameter:
-    """A parameter of a fitted law; the standard error is NaN if it is fixed or at a bound."""
+    """A parameter of a fitted law; the standard error of a parameter that is fixed or at a bound is NaN."""
 
     name: str
     unit: str

@@ -32,7 +32,7 @@ from mrdamper.thermal.temperature_rise import Model, Rise, loads_of
 
 @dataclass(frozen=True, slots=True)
 class TimeToLimit:
-    """Interval of the time at which a temperature limit is reached; infinity: later than the simulation."""
+    """Interval of the time to a temperature limit; infinity: not reached during the simulation."""
 
     low_s: float
     high_s: float
@@ -51,7 +51,7 @@ class PredictionInterval:
 
     @property
     def to_limit(self) -> TimeToLimit:
-        """Interval of the time at which the fluid reaches its limit."""
+        """Interval of the time at which the fluid reaches its temperature limit."""
         return self.to_limits[0]
 
 

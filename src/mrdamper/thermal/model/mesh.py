@@ -227,7 +227,7 @@ def _lines(sides: list[float], size: float, share_at: Callable[[float], float]) 
 
 
 def _cells(lines: FloatArray, low: float, high: float) -> slice:
-    """Return the slice of the cells between two sides of a block."""
+    """Return the slice of the grid cells between two sides (positions) of a block."""
     return slice(_line(lines, low), _line(lines, high))
 
 

@@ -368,7 +368,7 @@ def _zone_edges(drawing: DamperDrawing) -> tuple[float, float, float, float]:
 
 
 def _covered(sink: HeatSink, body_length: float, low: float, high: float) -> tuple[float, float]:
-    """Return two lengths of a body segment [m]: its length under the heat sink, and between the fins."""
+    """Return two lengths of a body segment [m]: the part under the heat sink, and the gaps between fins."""
     centres, half = sink.centres(body_length), 0.5 * sink.thickness
 
     def overlap(start: FloatArray, stop: FloatArray) -> float:
