@@ -57,7 +57,7 @@ ASYMMETRY_TERMS = ("asymmetry", "flow-asymmetry")
 
 
 class CandidateEvaluator:
-    """Fit and cross-validate candidates (laws with terms) on a limited number of samples, ``samples_max``.
+    """Evaluator that fits and cross-validates candidates (laws with terms) on ``samples_max`` samples.
 
     If ``terms`` is given, every law has exactly these terms. If ``terms`` is None, the model selection can
     add and remove terms.

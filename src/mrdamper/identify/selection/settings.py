@@ -13,6 +13,9 @@ class SelectionSettings:
     training error of a candidate is the root mean square over the runs, because a fit minimises it. The
     cross-validation error is the mean over the runs. A *ratio* divides an error by the smallest error of the
     same kind. A *gain* is a relative decrease of an error: 0.01 means 1 %.
+
+    A *candidate* is a law with some *terms* (optional groups of coefficients). A *modular* law consists mostly
+    of terms.
     """
 
     # Data
@@ -23,10 +26,10 @@ class SelectionSettings:
     subset_error_ratio_max: float = 1.2
     subset_growth: float = 3.0  # factor on samples_max in each repetition
 
-    # Screening. Laws that consist of terms are always kept, because their first candidates have few terms.
-    start_error_ratio_max: float = 1.5  # max error of a law before its fit / smallest such error of all laws
+    # Screening. Modular laws are always kept, because their first candidates have few terms.
+    start_error_ratio_max: float = 1.5  # max error of a law after short descents / smallest of all laws
     training_error_ratio_max: float = 1.5  # max training error of a law / smallest training error of all laws
-    finalist_count_max: int = 3  # max number of cross-validated laws that do not consist of terms
+    finalist_count_max: int = 3  # max number of cross-validated laws that are not modular
 
     # Forward selection
     # An archetype is a first set of terms of a law. It is cross-validated only if its training error, divided
