@@ -14,8 +14,8 @@ class SelectionSettings:
     cross-validation error is the mean over the runs. A *ratio* divides an error by the smallest error of the
     same kind. A *gain* is a relative decrease of an error: 0.01 means 1 %.
 
-    A *candidate* is a law with some *terms* (optional groups of coefficients). A *modular* law consists mostly
-    of terms.
+    A *candidate* is a law with some *terms* (optional groups of coefficients). A *modular* law consists
+    mostly of terms.
     """
 
     # Data
