@@ -118,7 +118,10 @@ def test_controller_applied_current_matches_python_observer():
 @pytest.mark.parametrize("wide_hysteresis_width_A", [0.0, 0.15])
 @pytest.mark.parametrize("damper", [DOUBLE, CHAIN])
 def test_controller_follows_freewheeling_saturating_current(damper, wide_hysteresis_width_A):
-    """The estimate is within 8 mA of the card's actuation on a grid of 10 us. The largest current is 2 A."""
+    """The controller's estimate of the effective current deviates by at most 8 mA from the card's model.
+
+    The card's model of lags and hysteresis is computed with a step of 10 us. The largest current is 2 A.
+    """
     lags = Actuation(
         0.004,
         0.001,

@@ -39,7 +39,7 @@ def test_sine_error_scores_match_formulas():
     assert score.max_N == pytest.approx(40.0, rel=1e-6)
     assert score.rmse_N == pytest.approx(40.0 / np.sqrt(2.0))
     assert score.rmse_over_range_percent == pytest.approx(100.0 * 40.0 / np.sqrt(2.0) / 1800.0, rel=1e-5)
-    # A sine is below sin(0.99 pi / 2) times its amplitude for 99 % of the time.
+    # The absolute value of a sine is below sin(0.99 pi / 2) times its amplitude for 99 % of the time.
     assert score.p99_feasible_N == pytest.approx(40.0 * np.sin(0.99 * np.pi / 2), rel=1e-5)
     assert score.within_5_percent_share == 1.0
     half = scored(28.284271 / 0.05 * SINE, 28.284271 / 0.05 * SINE + 40.0 * SINE)

@@ -624,9 +624,9 @@ def test_rigid_series_law_equals_valve(rigid):
     values = {**TYPICAL["series-valve"], **rigid}
     expected = algebraic_valve(trajectory, values)
     found = simulate(damper("series-valve", **rigid), trajectory)
-    # A step with a rigid spring uses the mean velocity of its last 0.3 ms, which has order one. The error is
-    # 100 N if the valve changes sign within a step, 6e-3 of the peak away from reversals, and 1e-3 in the
-    # middle of the strokes.
+    # If the spring is rigid, the force at the end of a step is computed from the mean velocity in the last
+    # 0.3 ms of the step. This method has order one. Its error is 100 N if the valve force changes sign within
+    # a step, 6e-3 of the peak force away from reversals, and 1e-3 of it in the middle of the strokes.
     moving = np.abs(trajectory.velocity) > 1e-2
     moving[:5] = False  # The spring is unstretched at the start.
     assert np.abs(found - expected)[moving].max() < 1e-2 * np.abs(expected).max()

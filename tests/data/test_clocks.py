@@ -158,7 +158,11 @@ def hdf5_groups(path: Path, channels: Channels) -> None:
 
 
 def write_labview(path: Path, channels: Channels, *, wide: bool, moments: bool) -> None:
-    """Write LabVIEW text with one x column per channel or none. The start is x0, or date and time."""
+    """Write a LabVIEW text file.
+
+    If ``wide``, each channel has its own x column, otherwise there is no x column. If ``moments``, date and
+    time define the start of each channel, otherwise X0.
+    """
     gap = "\t\t" if wide else "\t"
     x0 = [0.0 if moments else each.start_s for each in channels.values()]
     begun = [each.moment if moments else STARTED for each in channels.values()]

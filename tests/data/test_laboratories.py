@@ -724,7 +724,7 @@ def test_two_frequencies_separate_delay_from_compliance(delay):
 
 
 @pytest.mark.parametrize(("spring_N_m", "friction_N"), [(0.0, 100.0), (3000.0, 150.0), (20000.0, 150.0)])
-def test_undelayed_forces_have_no_delay_finding(spring_N_m, friction_N):
+def test_no_delay_is_reported_for_undelayed_forces(spring_N_m, friction_N):
     """The force of a bristle of 400 N/mm, a shear-thinning viscous force and a gas spring has no delay."""
     runs = []
     for amplitude, frequency in itertools.product((0.005, 0.010), (0.5, 1.0, 2.0)):

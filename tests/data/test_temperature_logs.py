@@ -22,7 +22,7 @@ Writer = Callable[[Path], None]
 
 
 def warmth(time: datetime) -> float:
-    """Return the temperature [degC] at a local time."""
+    """Return the temperature [degC] in the log at a local time; it rises linearly."""
     return 25.0 + 0.01 * (time - LOG_BEGIN).total_seconds()
 
 

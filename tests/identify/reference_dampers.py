@@ -138,7 +138,10 @@ TRUTH = REFERENCE_DAMPERS["bouc-wen"]
 
 
 def changed(run: PreparedRun, kind: str, size: float, peak: float = 1.0) -> PreparedRun:
-    """Return a run with this measurement error. ``peak`` is the force at which the sensor saturates."""
+    """Return the run with a measurement error of the given kind and size.
+
+    For ``force_saturation``, the reading is too low by the fraction ``size`` at the force ``peak``.
+    """
     force, path = run.force, run.trajectory
     if kind == "force_gain":
         force = (1.0 + size) * force

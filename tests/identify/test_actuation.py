@@ -193,8 +193,8 @@ def test_fraction_that_follows_current_immediately_is_found():
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(2, 5), st.integers(2, 6))
-def test_mean_time_has_standard_error_of_scatter(seed, kind_count, repeat_count):
-    """The error combines the scatter between kinds of steps, the scatter of repeats, and a relative part."""
+def test_error_of_mean_response_time_includes_scatter(seed, kind_count, repeat_count):
+    """The standard error combines scatter (of kinds of steps or of repeats) and a fraction of the mean."""
     times = np.random.default_rng(seed).uniform(5e-3, 2e-2, (kind_count, repeat_count))
     pairs = [((0, kind), float(time_s)) for kind, row in enumerate(times) for time_s in row]
     mean = mean_time(pairs, 0.06)

@@ -227,7 +227,7 @@ def test_relative_temperature_effect_is_independent_of_command(law, here, there,
 
 
 @given(polynomials, commands, kelvins)
-def test_bipolynomial_of_degree_zero_is_polynomial(law, command, kelvin):
+def test_bipolynomial_of_degree_zero_in_temperature_is_polynomial(law, command, kelvin):
     flat = Bipolynomial(law.parameters, 0)
     assert not flat.temperature_dependent
     scale = 1e-13 * scale_of(flat, command, kelvin) + 1e-300

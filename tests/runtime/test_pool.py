@@ -44,7 +44,7 @@ def test_nested_pool_work_stays_in_process():
 
 @pytest.mark.parametrize("threads", [False, True])
 def test_pool_raises_error_after_earlier_results(*, threads: bool):
-    """The results before the error are returned, and the error keeps its separate parts."""
+    """The results before the error are returned. The error keeps its fields, for example ``expected``."""
 
     def work(k: int) -> int:
         if k == 2:

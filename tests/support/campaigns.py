@@ -93,7 +93,10 @@ def short_runs() -> tuple[RigRun, ...]:
 
 
 def columns_of(run: RigRun) -> dict[str, FloatArray]:
-    """Return every second sample of a run as columns by header, which has name and unit."""
+    """Return the columns of a run with every second sample.
+
+    The keys are headers with name and unit, for example ``force_N``.
+    """
     chosen = {
         "time_s": run.time,
         "displacement_m": run.displacement,

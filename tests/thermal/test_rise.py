@@ -113,7 +113,7 @@ def test_spring_dissipates_no_power():
 def test_power_of_aperiodic_motion_is_averaged():
     """The mean power of two tones is the sum of the powers of both tones.
 
-    The tolerance is the error if the averaging time contains an additional half beat.
+    The tolerance is about the error that would occur if the averaging time were half a beat too long.
     """
     tones = Harmonics((0.003, 0.002), (1.0, 1.5), (0.0, 1.0))
     work = tabulate_work(dry_and_viscous(viscous=3000.0), segment_of(tones, 0.0, 600.0))

@@ -18,5 +18,5 @@ def test_low_air_density_reduces_cooling():
     high = replace(BARE, surroundings=replace(BARE.surroundings, altitude=5500.0))
     share = float(body_film(high, 350.0) / body_film(BARE, 350.0))
     density = float(air_at(320.0).kinematic_viscosity / air_at(320.0, 5500.0).kinematic_viscosity)
-    assert density == pytest.approx(0.498, abs=0.002)  # This is the ratio of the standard atmosphere.
+    assert density == pytest.approx(0.498, abs=0.002)  # Standard pressure ratio, 5500 m to sea level.
     assert density < share < 1.0

@@ -162,7 +162,10 @@ class Client:
 
 @contextmanager
 def served(folder: Path, *options: str) -> Iterator[Client]:
-    """Run ``mrdamper serve`` on a free port until it has read all files of the folder."""
+    """Yield a client of ``mrdamper serve`` on a free port, after the server has read all files of the folder.
+
+    The server stops at the end of the context.
+    """
     process = subprocess.Popen(
         command("serve", "--port", "0", "--folder", folder, *options),
         stderr=subprocess.PIPE,

@@ -136,7 +136,7 @@ def test_choices_are_kept_on_next_pages(browser, site, page):
     expect(page.locator("#heat-damper")).to_have_value("bare.toml")
     expect(page.get_by_label("Amplitude, mm")).to_have_value("7")
     mass = page.get_by_label("Mass, g")
-    expect(mass).to_have_attribute("aria-invalid", "true")  # The geometry has no fins.
+    expect(mass).to_have_attribute("aria-invalid", "true")  # This is required without fins.
     page.get_by_role("button", name="Search", exact=True).click()
     expect(page.get_by_text("enter the largest mass of the fins")).to_be_visible()
     mass.fill("300")

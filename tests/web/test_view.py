@@ -108,8 +108,8 @@ def test_two_million_samples_do_not_block_page(browser, tmp_path):
     assert longest <= within_reach(FRAME_MS)
 
 
-def test_address_restores_view_and_back_undoes(browser, site, page):
-    """Another browser restores runs, card, cycles, hidden curves and zooms from the address."""
+def test_url_restores_view_and_back_button_undoes_changes(browser, site, page):
+    """Another browser restores runs, card, cycles, hidden curves and zooms from the URL of the page."""
     page.goto(f'/#/data?view.runs=["{RUN}"]&view.cards=["strong"]')
     _ready(page)
     whole = _pictures(page)

@@ -40,7 +40,7 @@ def site(tmp_path_factory):
 # -------------------------------------------------------------------------------------------- files and maps
 
 
-def test_dropped_file_is_stored_and_removed(page, site, tmp_path):
+def test_file_dropped_on_page_is_removed_and_restored(page, site, tmp_path):
     root, _ = site
     path = tmp_path / "dropped run, 2.csv"
     shutil.copy(next((root / "runs").glob("*.csv")), path)

@@ -233,8 +233,8 @@ def test_keyboard_shortcuts_open_help_and_pages(browser, many):
         assert page.evaluate("document.activeElement.textContent") == "Skip to the page"
 
 
-def test_address_restores_form_values(browser, site):
-    """The Back button and another browser restore the entered values from the address."""
+def test_url_restores_form_values(browser, site):
+    """The Back button and another browser restore the entered values from the URL of the page."""
     address = site[1].address
     with opened(browser, address) as page, opened(browser, address) as other:
         for place, field in FIELDS:

@@ -1,4 +1,4 @@
-"""Generate C99 source code for a target: unchanged kernel files, tables, and thin wrappers.
+"""Generate C99 source code for an export (target): unchanged kernel files, tables, thin wrappers.
 
 The kernel files, the meaning of flags and their numbers are read from the installed C sources. The templates
 print the values of a ``Target``. Each number is printed as the shortest decimal that a compiler
@@ -85,7 +85,7 @@ def flag_texts() -> tuple[FlagText, ...]:
 
 
 def c_files(target: Target, record: Verification | None = None) -> dict[str, str]:
-    """Return the texts of all files in the C folder except ``verification.json``, by file name.
+    """Return the texts of all exported C files and their README, by file name.
 
     If the ``record`` of a verification is given, the README contains the code sizes from this record.
     """
@@ -149,7 +149,7 @@ def literal(value: float, precision: Precision) -> str:
 
 
 def banner(target: Target) -> str:
-    """Return the text at the beginning of every generated file, without comment marks."""
+    """Return the comment at the beginning of every generated file, without comment marks."""
     damper = target.card.damper
     warm = damper.temperature_range
     held = "" if warm is None else f", temperatures held at {warm[0]:g} and {warm[1]:g} K"
@@ -280,7 +280,7 @@ class _Print:
 
 @lru_cache(maxsize=8)
 def _print_parts(target: Target, *, thermal: bool = False) -> _Print:
-    """Return the C text of a target or of its thermal model. It is cached for several files."""
+    """Return the C text of structs and tables of a target or of its thermal model; cached."""
     return _Print(target, thermal=thermal)
 
 

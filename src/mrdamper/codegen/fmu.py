@@ -41,7 +41,7 @@ _NO_DEPENDENCIES = ""  # Outputs change only in a time step. Therefore no output
 
 
 def write_fmu(target: Target, path: str | Path, *, verification: Verification) -> None:
-    """Write the FMU of a target atomically: either the complete file or no file.
+    """Write an exported card (target) as FMU: either the complete file or no file.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def write_fmu(target: Target, path: str | Path, *, verification: Verification) -
 
 
 def fmu_files(target: Target) -> dict[str, str]:
-    """Return the text files of the FMU, except the verification record, by path in the archive."""
+    """Return the text files of the FMU by path in the archive, without the record of the verification."""
     variables = variables_of(target)
     blank = _texts(target, variables, token="")
     digest = hashlib.sha256("\0".join(f"{name}\0{text}" for name, text in sorted(blank.items())).encode())

@@ -12,7 +12,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The largest difference between C and Python in one output over all samples."""
+    """The largest difference between C and Python of one output, over all samples."""
 
     ulp: int  # units in the last place of the number type
     relative: float  # difference divided by the value in Python
@@ -33,7 +33,7 @@ class Verification:
     outputs: Mapping[str, Difference] = field(default_factory=dict)
     thermal_K: Mapping[str, float] = field(default_factory=dict)  # largest difference of each temperature
     problems: tuple[str, ...] = ()  # reasons why the verification failed
-    flags_raised: Mapping[str, Mapping[str, int]] = field(default_factory=dict)  # counts by part and flag
+    flags_raised: Mapping[str, Mapping[str, int]] = field(default_factory=dict)  # samples by part and flag
     compiler: str = ""
     compiler_version: str = ""
     compiler_flags: tuple[str, ...] = ()

@@ -72,7 +72,7 @@ def track_members(part: RealtimeDamper | ForceController) -> dict[str, Value]:
 
 
 def _config(config: Config) -> dict[str, Nested]:
-    """Return each part of a configuration as a struct whose members are in the order of the C struct."""
+    """Return each part of a controller configuration with its members in the order of the C struct."""
     return {
         part: Nested(
             {name: value if isinstance(value, float) else int(value) for name, value in values.items()}

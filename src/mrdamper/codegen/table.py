@@ -40,8 +40,8 @@ class ForceMap:
     temperature: FloatArray  # [K], shape (t,)
     command: FloatArray  # [A or V], shape (c,)
     velocity: FloatArray  # [m/s], rising, shape (v,)
-    pick: FloatArray  # peak-velocity pick
-    rising: FloatArray  # branch of the loop with rising velocity
+    pick: FloatArray  # force at mid-stroke of a sine with this peak velocity
+    rising: FloatArray  # force while the velocity rises
     falling: FloatArray
 
     def as_csv(self) -> str:
@@ -120,7 +120,7 @@ def force_map(card: ModelCard) -> ForceMap:
 def _branches(
     card: ModelCard, amplitude: float, command: float, kelvin: float, velocity: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return two forces of a steady sine at each velocity: while the velocity rises, and while it falls."""
+    """Return two forces of a steady sine at each velocity: for rising and for falling velocity."""
     loop_sample_count = 4000  # number of samples in one period of the sine
     fastest = float(velocity[-1])
     motion = Sine(amplitude, fastest / (2.0 * math.pi * amplitude))

@@ -90,7 +90,7 @@ class Target:
 
     @property
     def any_part(self) -> RealtimeDamper | ForceController:
-        """Return the model if it is exported, otherwise the controller, for their common properties."""
+        """Return the model if it is exported, otherwise the controller (both have the common properties)."""
         return next(iter(self.parts.values()))
 
     @property

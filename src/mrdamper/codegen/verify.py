@@ -188,7 +188,7 @@ def difference(given: FloatArray, expected: FloatArray, *, single: bool) -> Diff
 def expectations(
     target: Target, rows: Mapping[str, FloatArray]
 ) -> dict[str, tuple[dict[str, str], dict[str, FloatArray], slice]]:
-    """Return columns, expected outputs and compared samples for each part (model, controller).
+    """Return output columns, values expected from Python, and compared samples for model and controller.
 
     The first item of each tuple maps the outputs to the columns of the replay program. The second item
     contains the outputs as computed in Python. Outputs from the internal state (applied command, controller
@@ -220,7 +220,7 @@ def expectations(
 def _by_blocks(
     part: ForceController | RealtimeDamper, inputs: FloatArray
 ) -> tuple[FloatArray, FloatArray, list[StateEstimate]]:
-    """Run a part in Python; return output and flags per sample, and the state estimate after each block."""
+    """Run model or controller in Python; return output and flags per sample, and state estimates."""
     state = part.start()
     values, flags, estimates = [], [], []
     for start in range(0, len(inputs), STATE_SAMPLE_COUNT):

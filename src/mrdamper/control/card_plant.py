@@ -21,12 +21,12 @@ from mrdamper.models.actuation import Actuation, Applied
 from mrdamper.models.damper import Damper
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-COMMAND_COUNT = 401  # number of commands at which the coefficients are tabulated
+COMMAND_COUNT = 401  # number of commands at which the law's coefficients are tabulated
 _SHAPE = ("kappa", "n")  # Coefficients of the universal curve, which the kernel tabulates once.
 
 
 class CardPlant:
-    """A damper simulated from a card, with its state; implements ``protocol.Plant``.
+    """A damper simulated from a model card, with its state, for a closed loop (``protocol.Plant``).
 
     Parameters
     ----------

@@ -12,11 +12,11 @@ from enum import IntEnum
 
 
 class InverseMethod(IntEnum):
-    """Method that computes the command from the wanted force."""
+    """Method by which a controller computes the command from the wanted force."""
 
     NONE = 0  # The command is computed only by feedback.
-    BANK = 1  # interpolation between five models at constant currents, without preview
-    PREDICTIVE = 2  # model-predictive: several command changes in a prediction horizon
+    BANK = 1  # interpolation between the forces of five models at constant currents, without preview
+    PREDICTIVE = 2  # model-predictive control with several command changes in a prediction horizon
 
 
 class FeedbackKind(IntEnum):
@@ -24,7 +24,7 @@ class FeedbackKind(IntEnum):
 
     NONE = 0
     PI = 1
-    ON_OFF = 2  # the largest command or zero, by the sign of the force error
+    ON_OFF = 2  # The sign of the force error selects the largest command or zero.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,10 +41,10 @@ class Axes:
 class Law:
     """The hysteresis model of the damper."""
 
-    series: bool  # series valve law
-    chain: bool  # chain law
-    elements: int  # hysteretic elements: 0 (the force follows the sign of the velocity), 1 or 2
-    saturating: bool  # the second yield force saturates with speed and uses the first element
+    series: bool  # True for the law ``series-valve``
+    chain: bool  # True for the law ``chain``
+    elements: int  # number of hysteretic elements; 0: the force follows the sign of the velocity
+    saturating: bool  # True: the second yield force saturates with speed and uses the first element
     unloaded: float  # [-] travel of the universal curve from w = -1 to 0
     substeps: int  # integration steps in a period, for series valve and chain
 
@@ -62,9 +62,9 @@ class Gains:
 class MotionFilter:
     """Filter that estimates the motion from the displacement."""
 
-    gain_x: float  # [-] gain of the displacement
-    gain_v: float  # [1/s] gain of the velocity
-    gain_a: float  # [1/s2] gain of the acceleration
+    gain_x: float  # [-] correction of the displacement / measured minus predicted displacement
+    gain_v: float  # [1/s] correction of the velocity / the same difference
+    gain_a: float  # [1/s2] correction of the acceleration / the same difference
     holds_readings: bool  # True: the sensor repeats each reading for several periods; repetitions are ignored
     frequency_filter_gain: (
         float  # [-] weight of a new sample in the means of v^2 and a^2; 0: acceleration is assumed constant
@@ -79,9 +79,9 @@ class MotionFilter:
 class ReferenceFilter:
     """Filter that extrapolates the wanted force if the future wanted force is unknown."""
 
-    gain_f: float  # [-] gain of the force
-    gain_rate: float  # [1/s] gain of the rate of the force
-    gain_second_derivative: float  # [1/s2] gain of the second derivative of the force
+    gain_f: float  # [-] correction of the force / wanted minus predicted force
+    gain_rate: float  # [1/s] correction of the rate of the force / the same difference
+    gain_second_derivative: float  # [1/s2] correction of the second derivative / same difference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,10 +95,10 @@ class Actuation:
     dead_samples: int  # whole periods of the dead time
     dead_part: float  # [-] rest of the dead time, as a fraction of a period
     rise: float  # [-] fraction of the gap of the first lag that remains after a period, current rising
-    fall: float  # [-] like ``rise``, current falling
+    fall: float  # [-] the same fraction as ``rise`` while the current falls
     second: float  # [-] fraction of the gap of the second lag that remains after a period
     rise_couple: float  # [-] fraction of the first gap that a period adds to the second gap, current rising
-    fall_couple: float  # [-] like ``rise_couple``, current falling
+    fall_couple: float  # [-] the same fraction as ``rise_couple`` while the current falls
     second_ramp: float  # [-] second gap at the end of a ramp of the first lag / change in the ramp
     freewheel_ratio: float  # [-] period divided by the free-wheeling time constant; 0: no free-wheeling
     inverse_saturation_flux: float  # [1/A] b in the flux I / (1 + b I)
@@ -133,7 +133,7 @@ class Prediction:
     fade: float  # [-] error weight of a step divided by the error weight of the previous step
     settled: float  # [-] fraction of the remaining build-up of hysteresis that is assumed to be complete
     calm: float  # [N/A] cost of a command change of one ampere, expressed as a force error
-    rise: float  # [-]
+    rise: float  # [-], as in ``Actuation``, and so are the next five fields
     fall: float  # [-]
     second: float  # [-]
     rise_couple: float  # [-]
@@ -157,9 +157,9 @@ class Feedback:
 class Envelope:
     """Range of the data to which the card was fitted. The controller sets a flag outside this range."""
 
-    displacement_min: float  # [m] lowest displacement
-    displacement_max: float  # [m] highest displacement
-    speed_max: float  # [m/s] highest speed
+    displacement_min: float  # [m] lowest displacement in the data
+    displacement_max: float  # [m] highest displacement in the data
+    speed_max: float  # [m/s] highest speed in the data
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

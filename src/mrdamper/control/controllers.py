@@ -85,7 +85,7 @@ class Safety:
     def faults(
         self, axes: config.Axes, envelope: OperatingEnvelope | None, *, frozen_speed_min: float
     ) -> config.Faults:
-        """Return the fault limits of displacement and velocity for the kernel.
+        """Return the fault limits of displacement and velocity for the C code.
 
         ``frozen_speed_min`` is the minimum speed [m/s] at which equal readings are a fault.
         """
@@ -104,7 +104,7 @@ class Safety:
         )
 
     def thermometer(self, axes: config.Axes, heating: config.HeatBalance) -> config.Thermometer:
-        """Return the fault limits of the temperature for the kernel.
+        """Return the fault limits of the temperature for the C code.
 
         Without a valid reading, the temperature is extrapolated from the supplied energy for one thermal time
         constant (capacity divided by loss), at most half an hour. If extrapolation is disabled, the last
@@ -176,7 +176,7 @@ class ForceController(Stepper):
 
     @property
     def compiled(self) -> Tracker | None:
-        """The kernel object for the closed loop in C.
+        """The object with which C code computes the closed loop.
 
         The value is None in single precision, or if a subclass defines its own step in Python.
         """
@@ -198,7 +198,7 @@ def names_for(law: str, *, has_lag: bool = True) -> tuple[str, ...]:
 
     Parameters
     ----------
-    law : name of the law; a law with an implicit step has no bank of models
+    law : name of the law; the ``paper`` controllers do not support a law with an implicit step
     has_lag : True if the force of the card follows the current with a delay or lag
     """
     excluded = (_BANKS if law in STEPPED else ()) + (() if has_lag else NEED_LAG)
@@ -237,7 +237,7 @@ def controllers_for(  # noqa: PLR0913 - values that a caller can know better tha
     Parameters
     ----------
     period_s : sampling period [s]
-    largest : largest command [A or V]; None: from the actuation of the card, or else from the envelope
+    largest : largest command [A or V]; None: the maximum of the driver in the card, or else of the runs
     displacement_noise_m : noise of the displacement sensor, RMS [m]
     displacement_period_s : time between new displacement readings [s], if a slow bus repeats each reading for
         several controller periods; equal readings are then a fault only after 2.5 of these periods
@@ -316,7 +316,7 @@ def tables_of(
 
     Parameters
     ----------
-    actuation : actuation of the damper, with the dead time of the loop
+    actuation : delay and lags between command and force, with the dead time of the loop
     largest : largest command [A or V]
 
     Raises
@@ -387,7 +387,7 @@ def _variants(
     Parameters
     ----------
     base : configuration that the controllers share, without a method that computes the command
-    harmonic : motion filter of the predictive controllers
+    harmonic : motion filter of the predictive controllers, for harmonic motion
     force_per_command : increase of the force with the command in a steady, fast motion [N/A]
     """
     period = base.axes.period

@@ -49,7 +49,7 @@ _SENSORS: tuple[Sensor, ...] = ("displacement", "temperature", "force")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReferenceTrajectory:
-    """Prescribed motion and target force of a scenario at the time steps of a plant, shape (n,)."""
+    """Prescribed motion and target force at the time steps of the simulated damper, shape (n,)."""
 
     step_s: float
     time: FloatArray  # [s]
@@ -64,7 +64,7 @@ class ReferenceTrajectory:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoopRun:
-    """Result of a closed loop at the time steps of the plant."""
+    """Force and current of a closed loop at the time steps of the simulated damper (plant)."""
 
     controller: str
     scenario: Scenario
@@ -136,7 +136,7 @@ def steps_per_sample(period_s: float, step_s: float) -> int:
 def run_loop(
     plant: Plant, controller: Controller, scenario: Scenario, course: ReferenceTrajectory | None = None
 ) -> LoopRun:
-    """Run a controller on a copy of the plant in its present state; see ``run_loops``."""
+    """Run a controller on a copy of the simulated damper (plant) in its present state."""
     return run_loops(plant, [controller], [scenario], course)[0][0]
 
 
@@ -189,14 +189,14 @@ class _Loop:
     controller: Controller
     scenario: Scenario
     settings: LoopSettings
-    wanted: FloatArray  # wanted force [N] at each sample, and one preview later; shape (2, samples)
+    wanted: FloatArray  # wanted force [N] at each sample, and one preview time later; shape (2, samples)
     sensed: _Sensed
     force: FloatArray  # [N] force of the damper
     given: FloatArray  # commands [A]: first the zero commands of the delay, then one command per sample
 
     @property
     def tracker(self) -> Tracker | None:
-        """Return the compiled controller; None if the step of the controller is written in Python."""
+        """Return the controller in C; None if its step is written in Python."""
         return self.controller.compiled if isinstance(self.controller, CompiledController) else None
 
     def run(self, course: ReferenceTrajectory) -> LoopRun:
@@ -209,7 +209,7 @@ class _Loop:
 
 
 class _Prepared:
-    """Factory of loops with one motion. Inputs that several loops share are computed only once."""
+    """Factory of closed loops with one motion; computes the inputs that several loops share only once."""
 
     def __init__(self, step_s: float, course: ReferenceTrajectory) -> None:
         self._step, self._course = step_s, course
@@ -417,7 +417,7 @@ def _read_sensors(scenario: Scenario, period_s: float, samples: int) -> _Sensed:
 
 
 def _faults(sensing: Sensing, sensor: str, fault: str, time: FloatArray) -> list[BoolArray]:
-    """Return one mask of samples for each dropout of a sensor that has the given fault: True during it."""
+    """Return one mask for each dropout with the given fault: True at the samples during the dropout."""
     spans = [(e.start_s, e.end_s) for e in sensing.dropouts if e.sensor == sensor and e.fault == fault]
     found = [(time >= start) & (time < end) for start, end in spans]
     return [inside for inside in found if inside.any()]

@@ -109,7 +109,7 @@ class Plant(Protocol):
 
 @runtime_checkable
 class CompiledPlant(Plant, Protocol):
-    """A damper that the closed loop in C can step."""
+    """A simulated damper that C code can advance in a closed loop."""
 
     def hold(self, temperature_degC: float, count: int) -> object:
         """Return ``count`` copies (at most 64) of the damper at one temperature for the closed loop in C.
@@ -120,11 +120,11 @@ class CompiledPlant(Plant, Protocol):
 
 
 class LoopSettings(NamedTuple):
-    """Settings of a closed loop in C."""
+    """Settings of a closed loop that C code computes."""
 
-    every: int  # plant steps per sample
-    late: int  # whole samples in the delay of a command
-    apart: int  # plant steps in the delay of a command, in addition to the whole samples
+    every: int  # time steps of the damper model per controller sample
+    late: int  # delay of a command in whole controller samples
+    apart: int  # rest of this delay in time steps of the damper model
     reads_force: bool
     force_gain: float
     force_offset_N: float
@@ -135,9 +135,9 @@ class LoopSettings(NamedTuple):
 
 @runtime_checkable
 class CompiledController(Controller, Protocol):
-    """A controller that can run in the closed loop in C."""
+    """A controller that C code can run in a closed loop."""
 
     @property
     def compiled(self) -> Tracker | None:
-        """Return the compiled controller; None if the step of the controller is written in Python."""
+        """Return the controller in C; None if its step is written in Python."""
         ...

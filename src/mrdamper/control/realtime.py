@@ -87,7 +87,7 @@ def realtime_model(  # noqa: PLR0913 - values that a caller can know better than
     Parameters
     ----------
     period_s : sampling period [s]
-    largest : largest current [A or V]; None: from the actuation of the card, or else from the envelope
+    largest : largest current [A or V]; None: the maximum of the driver in the card, or else of the runs
     displacement_noise_m, jerk_density : sensor noise [m] and jerk of the motion [m/s^3 per root Hz] for which
         the motion filter is designed
     safety : limits of valid readings; None: the default

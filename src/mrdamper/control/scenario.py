@@ -132,7 +132,7 @@ class Sensing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disturbance:
-    """Deviations of damper and current driver from the model; the controller does not measure them."""
+    """Unmeasured deviations of the damper and of the current driver from the controller's model."""
 
     force_gain: Annotated[float, Option(least=0.0)] = 1.0
     """Factor on the damper's force."""

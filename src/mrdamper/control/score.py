@@ -1,4 +1,4 @@
-"""Scores of a tracking run, once for all samples and once for the feasible samples.
+"""Scores of a tracking run: for all samples, and for the feasible ones that the damper can reach.
 
 A semi-active damper cannot push. Its attainable range is found by two simulations of the same motion at the
 actual temperature, one at zero current and one at the highest current. At each time t, lo(t) is the lower and
@@ -27,11 +27,11 @@ from mrdamper.errors import InputError
 class AttainableRange:
     """Forces that a damper can produce along a motion, between zero and the highest current, shape (n,)."""
 
-    low: FloatArray  # [N]
-    high: FloatArray  # [N]
+    low: FloatArray  # smallest possible force [N]
+    high: FloatArray  # largest possible force [N]
 
     def feasible(self, target: FloatArray, *, margin_N: float | None = None) -> BoolArray:
-        """Return True for every sample at which the target [N] is feasible.
+        """Return True for every sample at which the damper can produce the target [N] (feasible target).
 
         A feasible target is inside the range and at least the margin away from both ends. The default margin
         is 20 N, or 2.5 % of the largest absolute target if this is smaller.
@@ -49,8 +49,8 @@ class AttainableRange:
 class Score:
     """Tracking errors, coil power and current changes of a run.
 
-    Scores of feasible samples are None if no sample is feasible. The coil power is None if the coil
-    resistance is unknown.
+    A sample is feasible if the damper can produce the target force. Scores of feasible samples are None if
+    no sample is feasible. The coil power is None if the coil resistance is unknown.
     """
 
     max_N: float
@@ -62,14 +62,14 @@ class Score:
     rmse_over_range_percent: float  # RMS error divided by (max - min) of the target
     coil_power_W: float | None  # mean of i^2 R
     chatter_A_per_s: float  # sum of the absolute current changes, divided by the duration
-    rmse_feasible_percent: float | None = None  # rmse_feasible_N divided by the RMS of the target
+    rmse_feasible_percent: float | None = None  # rmse_feasible_N / RMS of the target force [%]
     within_5_percent_share: float = 0.0  # fraction of time with an error below 5 % of the target's peak
 
 
 def attainable_range(
     plant: Plant, course: ReferenceTrajectory, temperature_degC: float, highest_A: float
 ) -> AttainableRange:
-    """Return the attainable force range along a motion that starts in the present state of the plant."""
+    """Return the range of forces that the damper can produce in a motion from its present state."""
     ends = [
         plant.copy().advance_many(course.displacement, course.velocity, current, temperature_degC)
         for current in (0.0, highest_A)
@@ -140,7 +140,7 @@ def _percent(value: float | None, of: float) -> float | None:
 
 
 def combine_worst(scores: Sequence[Score]) -> Score:
-    """Return the worst value of each score over several runs: the min of a fraction, the max of others."""
+    """Return the worst value of each score over several runs: min of a fraction, max of an error or power."""
     if not scores:
         raise InputError(place="scores", found="there are no scores")
     found: dict[str, float | None] = {}

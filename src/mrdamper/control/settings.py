@@ -23,12 +23,12 @@ class ControlSettings:
     # noise. In tests with five motions of 0.4 to 20 Hz at 1 kHz, the force is as accurate as with a given
     # velocity if the assumed noise is below 1e-7 m. Below 1e-8 m, the gains no longer change.
     model_noise_m: float = 1e-8
-    model_jerk_density: float = 30.0  # [m/s^3 per root Hz]
+    model_jerk_density: float = 30.0  # jerk density of the assumed motion [m/s^3 per root Hz]
 
     # Prediction horizon
     horizon_steps: int = 6
     horizon_ratio: float = 0.8  # completed fraction of the response at the end of the horizon
-    freewheel_ratio: float = 0.95  # like horizon_ratio, for a current that can only free-wheel down
+    freewheel_ratio: float = 0.95  # completed fraction for a current that can only free-wheel down
     freewheel_stretch: int = 3  # length of a late time step / length of an early one, for such a current
     step_ratio_min: float = 0.25  # min time step of the horizon / time constant of the motion filter
     late_ratio_max: float = 0.5  # max time added by rounding up the dead time / time step
@@ -57,12 +57,13 @@ class ControlSettings:
     temperature_extrapolated_s: float = 1800.0
 
     # Tables of the coefficients
-    current_count_max: int = 41  # includes all multiples of 1/8 of the largest current, for the model bank
+    # Max number of currents in the tables. The multiples of 1/8 of the largest current are always among them.
+    current_count_max: int = 41
     current_tolerance: float = 8e-4  # interpolation error / largest yield force
-    temperature_tolerance: float = 1e-4  # interpolation error in temperature / scale of the row
+    temperature_tolerance: float = 1e-4  # interpolation error in temperature / size of the coefficient
     temperature_count: int = 193  # number of temperatures at which coefficients are sampled
     rank_tolerance: float = 1e-7
-    # Typical values that scale the error of the rows for stiffness, mass and velocity
+    # Typical values that scale the interpolation errors of stiffness, mass and velocity
     typical_stroke_m: float = 0.05
     typical_acceleration_m_s2: float = 50.0
     low_speed_m_s: float = 0.01
@@ -71,13 +72,13 @@ class ControlSettings:
     cell_bits_max: int = 6
 
     # Targets of a damper of any size
-    force_percentiles: tuple[float, float] = (2.5, 97.5)  # They exclude short peaks of the force.
+    force_percentiles: tuple[float, float] = (2.5, 97.5)  # min and max of the force without short peaks
     sizing_temperature_degC: float = 20.0
-    motion_ratio_max: float = 0.8  # used stroke and speed / stroke and speed of the fitted runs
+    motion_ratio_max: float = 0.8  # stroke and speed of the motion / stroke and speed of the fitted runs
 
-    # Scores. A feasible target has at least this distance from both ends of the attainable range.
+    # Scores. A target is feasible with at least this distance from both ends of the attainable force range.
     margin_N: float = 20.0
-    margin_ratio_max: float = 0.025  # A larger distance / peak of the target is reduced to this.
+    margin_ratio_max: float = 0.025  # max of this distance / peak of the target
 
 
 SETTINGS = ControlSettings()

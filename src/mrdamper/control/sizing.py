@@ -67,7 +67,7 @@ def size_targets(plant: Plant, highest_A: float, motions: Sequence[str] = ()) ->
 
 
 def shift_to_temperature(plant: Plant, scenario: Scenario, temperature_degC: float) -> Scenario:
-    """Return a sized scenario at another temperature [degC]. The target's offset follows the gas force."""
+    """Return a scenario at another temperature [degC]. The offset of its target follows the gas force."""
     low, high = _ends(plant, scenario, 0.0, temperature_degC)
     target = replace(scenario.target, offset_N=round(0.5 * (low + high), 1))  # type: ignore[type-var]
     return replace(scenario, target=target, temperature_degC=temperature_degC)

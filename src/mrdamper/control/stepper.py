@@ -18,7 +18,7 @@ from mrdamper.control.tables.card_tables import DamperTables
 
 
 class Flag(IntFlag):
-    """Faults and events of a step."""
+    """Faults and events in one step of a controller or of the real-time model, as bits."""
 
     NO_DISPLACEMENT = 1  # the displacement is NaN or beyond its limit
     FROZEN = 2  # the displacement is constant although the damper moved
@@ -30,13 +30,14 @@ class Flag(IntFlag):
     NO_FORCE = 128  # the force reading is missing although the controller uses force feedback
     OUTSIDE_MOTION = 256  # displacement or velocity is outside the range of the data
     OUTSIDE_TEMPERATURE = 512  # the temperature is outside the range of the model: the nearest end is used
-    INFEASIBLE = 1024  # no current gives the wanted force
-    SATURATED = 4096  # controller: command at its minimum or maximum; model: current beyond these limits
-    NO_CURRENT = (
-        8192  # model: the current is NaN or far outside its range; the last valid one is used, later zero
-    )
+    INFEASIBLE = 1024  # the damper cannot produce the wanted force at any current
+    # The controller's command is at its minimum or maximum, or the real-time model got a current beyond them.
+    SATURATED = 4096
+    # The real-time model got a current that is NaN or far outside its range. It uses the last valid current,
+    # later zero.
+    NO_CURRENT = 8192
     FROZEN_TEMPERATURE = 16384  # the temperature is constant although the supplied energy warms the damper
-    NO_VELOCITY = 32768  # model: the velocity is beyond its limit and is estimated from the displacement
+    NO_VELOCITY = 32768  # the velocity is beyond its limit; the model estimates it from the displacement
     INTERNAL_FAULT = 65536  # the state was not finite and was reset
 
 
@@ -59,7 +60,7 @@ class StateEstimate:
     viscous_force: float
     friction_force: float
     other_force: float
-    disturbance: float  # observed force error times the sign of the velocity [N]
+    disturbance: float  # estimated force error of the model times the sign of the velocity [N]
     flags: Flag
 
     @property
@@ -70,7 +71,7 @@ class StateEstimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stepper:
-    """Configuration and tables for the kernel. Subclasses define inputs and outputs of a step."""
+    """Base of controllers and real-time model: their tables and configuration, and one step in C."""
 
     config: Config
     tables: DamperTables

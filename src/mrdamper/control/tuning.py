@@ -50,14 +50,14 @@ _DELAY_LINE = 128  # number of past commands that the kernel stores: MRD_TRACK_D
 
 
 def actuation_of(damper: Damper) -> Actuation:
-    """Return the actuation of the damper; if it has only a command lag, an actuation with this one lag."""
+    """Return delay and lags between command and force; for a damper with one lag, only this lag."""
     if damper.actuation is not None:
         return damper.actuation
     return Actuation(damper.command_lag_s, damper.command_lag_s)
 
 
 def sampled_actuation(actuation: Actuation, period_s: float) -> config.Actuation:
-    """Return the discrete-time actuation for a sampling period [s].
+    """Return the discrete-time model of delay and lags of the force for a sampling period [s].
 
     The result includes the effect of the first lag on the second during a period (``rise_couple`` and
     ``fall_couple``). Therefore the response is exact if the command is constant during each period.
@@ -224,7 +224,7 @@ def horizon_end(prediction: config.Prediction) -> float:
 
 
 def _parts(steps: int, stretch: int) -> int:
-    """Return the horizon length in units of the shortest step. Steps from the fourth on are longer."""
+    """Return the horizon length in units of the first step; steps from the fourth on are longer."""
     return steps + max(steps - _CLOSE_STEPS, 0) * (stretch - 1)
 
 
@@ -255,7 +255,10 @@ def _ramp(lag: float, time: float) -> float:
 
 
 def _couple(first: float, second: float, time: float) -> float:
-    """Return the fraction of the first lag's gap that has been added to the second lag's gap after a time."""
+    """Return the fraction of the gap of the first lag that the second lag has received after a time [s].
+
+    The gap of a lag is its input minus its output.
+    """
     if second <= 0.0:
         return _remaining(first, time)
     if first <= 0.0:

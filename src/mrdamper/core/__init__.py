@@ -65,7 +65,7 @@ _MOTION_PATH: int = ffi.offsetof("mrd_motion", "path") // ffi.sizeof("double")
 
 
 class Record:
-    """The kinematics and turning points of a run or of a batch of samples. The arrays must not change.
+    """Kinematics and turning points of a run or of a batch of its samples. The arrays must not change.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ class Record:
 
     @property
     def behind(self) -> int:
-        """Number of samples whose force the previous batch has already returned: 0 or 1."""
+        """Number of samples at the start whose force the previous batch has returned: 0 or 1."""
         return self.native.behind  # type: ignore[no-any-return]
 
     @property
@@ -237,7 +237,7 @@ def run(
     columns: FloatArray | None = None,
     workspace: Workspace | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the force [N], shape (n,), and its tangent columns, shape (len(directions), n).
+    """Return the force [N], shape (n,), and its derivatives (tangents), shape (len(directions), n).
 
     Parameters
     ----------
@@ -364,7 +364,7 @@ def gram_sums(
     coefficients: FloatArray,
     places: Sequence[int],
 ) -> FloatArray:
-    """Return the Gram matrix of tangents and residual for every candidate and run.
+    """Return the Gram matrix of force derivatives and residual for every candidate and run.
 
     A candidate is one set of coefficients. The result has the shape (candidates, runs, rows, rows). The rows
     are the derivatives of the force with respect to the coefficients at the indices ``places``, followed by

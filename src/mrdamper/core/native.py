@@ -17,7 +17,7 @@ __all__ = ["DOUBLE", "SINGLE", "Build", "doubles", "ffi", "level", "levels", "li
 
 
 class Build:
-    """The extension of one precision. ``api`` has the C functions of the instruction set level in use."""
+    """The C extension for float or double. ``api`` has the functions for the instruction set in use."""
 
     __slots__ = ("api", "ffi", "levels", "lib", "real", "state", "state_size")
 

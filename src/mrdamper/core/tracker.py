@@ -23,7 +23,7 @@ Lookup = tuple[float, float, int, FloatArray]
 # Tables of series valve and chain: coefficients by temperature and current, coefficients by temperature,
 # power functions, other functions.
 Series = tuple[FloatArray, FloatArray, Sequence[Power], Sequence[Lookup]]
-# Settings of a closed loop: plant steps per sample, delay in samples, additional delay in plant steps, True
+# Settings of a closed loop: damper steps per sample, delay in samples, rest of the delay in steps, True
 # if the force is measured, gain and offset of the damper force, largest current, resolutions of the
 # converters of current and force.
 Settings = tuple[int, int, int, bool, float, float, float, float, float]
@@ -141,7 +141,7 @@ class Tracker:
         return self._steps(self._build.lib.mrd_model_run, "mrd_model_inputs[]", state, inputs)
 
     def read(self, state: bytes) -> tuple[Any, tuple[float, float, float, float]]:
-        """Return the C structure of a state, and yield, viscous, friction and remaining force [N]."""
+        """Return the C structure of a state, and its yield, viscous, friction and remaining force [N]."""
         at = self._open(state)[1]
         parts = self._build.ffi.new("mrd_real[4]")
         self._build.api.track_parts(self.native, at, parts)

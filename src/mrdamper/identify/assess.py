@@ -19,11 +19,11 @@ from mrdamper.models.simulate import simulate_each
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """Errors, passivity and remarks of a fit."""
+    """Errors of a fit on each run, passivity of the damper, and remarks for the user."""
 
     runs: tuple[RunError, ...]  # errors of training runs and held-out runs
     passivity_min: float  # result of ``passivity``; the model can generate energy if this value is negative
-    words: tuple[str, ...]  # remarks for the user, one sentence or two each
+    words: tuple[str, ...]  # remarks for the user; each has one or two sentences
 
 
 def assess(fitted: FittedDamper) -> Assessment:

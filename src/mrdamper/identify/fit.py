@@ -54,7 +54,7 @@ class Identification(FittedDamper):
     fingerprint: str  # hash of the training data
     cpu_s: float  # CPU time of preparation and fit; the job adds model selection and assessment
     python_law: str | None = None  # source of a user-defined law, ``file.py:Class``
-    actuation: ActuationFit | None = None  # identified from the training runs with changing current
+    actuation: ActuationFit | None = None  # delay and lags, fitted to training runs with changing current
     force_band: ForceBand | None = None  # estimated by cross-validation over motions
     next_tests: tuple[str, ...] = ()  # proposed tests, the most useful test first
 
@@ -116,7 +116,7 @@ def fit_law(
     interrupted: bool = False,
     on_progress: Progress = silent,
 ) -> Identification:
-    """Fit one law to the runs with constant current, and the actuation to the runs with changing current.
+    """Fit one law to runs with constant current, and the delay of the force to runs with changing current.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def fit_law(
 
 
 def _fit_windows(problem: FitProblem, dampers: Sequence[Damper], on_progress: Progress) -> SearchResult:
-    """Fit a problem to its windows, and then to all data if the windows do not represent the data well."""
+    """Fit parameters to windows of the runs, then to all data if the windows do not represent them well."""
     settings = problem.settings
     windows, whole = problem.windows(), run_windows(problem.runs, settings)
     result = fit_variable_projection(
@@ -188,7 +188,7 @@ def _fit_windows(problem: FitProblem, dampers: Sequence[Damper], on_progress: Pr
 def _for_other_motions(
     problem: FitProblem, result: SearchResult
 ) -> tuple[SearchResult, ForceBand | None, tuple[str, ...]]:
-    """Return the fit with standard errors that include other motions, the force band, and proposed tests.
+    """Return the fit with standard errors for new motions, the force band (expected error), proposed tests.
 
     Without cross-validation, which needs two folds, the force band is missing (None).
     """
@@ -203,9 +203,9 @@ def _for_other_motions(
 def _with_actuation(
     result: SearchResult, stepping: Sequence[PreparedRun]
 ) -> tuple[SearchResult, ActuationFit | None]:
-    """Add the actuation that is fitted to the runs ``stepping``; return the result and the actuation fit.
+    """Fit delay and lags of the force to the runs ``stepping``; return the damper with them, and this fit.
 
-    If this fit fails, the result gets a note and no actuation fit is returned (None).
+    If this fit fails, the result gets a note and the second value is None.
     """
     samples_per_Hz = sum(len(run) * run.trajectory.step for run in stepping)
     rate_Hz = max(NUMERICS.actuation_rate_min_Hz, NUMERICS.actuation_samples_max / samples_per_Hz)

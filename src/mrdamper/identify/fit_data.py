@@ -38,7 +38,7 @@ class FitData:
     changing: tuple[PreparedRun, ...]  # remaining training runs with changing current, sorted by their data
     temperature: Temperature
     fluid: FluidFactors | None  # fluid with assumed temperature dependence; None: the dependence is fitted
-    one_command: bool  # True if a single current in all runs is accepted
+    one_command: bool  # True if runs that all have the same current are accepted
     preparation: Preparation
     fingerprint: str  # hash of the training data
     notes: tuple[str, ...] = ()
@@ -98,7 +98,10 @@ class FitData:
 
     @cached_property
     def scale(self) -> Scale:
-        """Typical values of the runs ``steady``. All search bounds are multiples of these values."""
+        """Typical force, stroke, speed and current of the training runs with constant current.
+
+        All search bounds are multiples of these values.
+        """
         return scale_of(self.steady)
 
     def problem(
@@ -107,7 +110,7 @@ class FitData:
         terms: Sequence[str] | None = None,
         start: Mapping[str, float] | None = None,
     ) -> FitProblem:
-        """Return the problem of fitting a law with some terms to the runs ``steady``; see ``template``."""
+        """Return the problem of fitting a law with the named terms to the runs with constant current."""
         damper, free = template(
             law,
             self.steady,
@@ -122,7 +125,7 @@ class FitData:
 
 
 def _content(run: PreparedRun) -> tuple[float | str, ...]:
-    """Return a sort key of a run that depends on its data, and not on its name or file."""
+    """Return a sort key of a run that depends on the samples, and not on the name or file of the run."""
     path = run.trajectory
     kelvin = 0.0 if path.temperature is None else float(np.mean(path.temperature))
     digest = hashlib.sha256()

@@ -25,7 +25,7 @@ _SHAPES = ("half_command", "exponent", "sharpness", "vft_pole_K")
 
 
 def make_feasible(problem: FitProblem, damper: Damper) -> Damper:
-    """Return the damper with its coefficients limited to the valid range for all runs of the problem."""
+    """Return the damper with coefficients limited to the valid range of the law in all runs."""
     return limit_coefficients(damper, envelope_of(problem.runs))[0]
 
 
@@ -59,7 +59,7 @@ def limit_coefficients(damper: Damper, envelope: OperatingEnvelope) -> tuple[Dam
 
 
 def _raised(form: ParameterLaw, admissible: Coefficient, at: FloatArray, kelvin: FloatArray) -> ParameterLaw:
-    """Return the dependence with values in the valid range; the same object if it is already valid."""
+    """Return a coefficient raised into its valid range; the same object if the coefficient is valid."""
     values = form.value(at, kelvin)
     floor = admissible.lower
     if values.min() < floor + 2e-6 * np.ptp(values):
@@ -101,7 +101,7 @@ def _weaker(form: ParameterLaw, fraction: float, admissible: Coefficient) -> Par
 
 
 def _open_valve(gain: ParameterLaw, envelope: OperatingEnvelope) -> ParameterLaw:
-    """Return the position gain, limited so that the valve force keeps its sign within the stroke."""
+    """Return ``position_gain``, limited so that the valve force keeps its sign within the stroke."""
     gain_max = NUMERICS.position_change_max / max(abs(end) for end in envelope.displacement)
     if abs(gain.parameters[0]) <= gain_max or gain.kind != "constant":
         return gain

@@ -21,7 +21,7 @@ from mrdamper.models.force_band import LeftOut
 
 @dataclass(frozen=True, slots=True)
 class Fold:
-    """Data that are held out together: whole runs, or one time block of each run."""
+    """Data that are held out together: whole runs, or one time block (section) of each run."""
 
     label: str
     runs: tuple[int, ...]  # indices of the runs
@@ -37,14 +37,14 @@ class Fold:
 
 
 def fold_content(runs: Sequence[PreparedRun], folds: Sequence[Fold]) -> LeftOut:
-    """Return the kind of data that the folds hold out: motions, commands or blocks of time."""
+    """Return the kind of data that the folds hold out: motions, commands or parts of each run."""
     if len(motion_groups(runs)) > 1:
         return "motions"
     return "commands" if folds[0].block is None else "blocks of time"
 
 
 def block_count(folds: Sequence[Fold]) -> int:
-    """Return the number of time blocks per run that the folds require; 1 if they hold out whole runs."""
+    """Return the number of time blocks into which folds divide a run; 1 if they hold out whole runs."""
     return 1 if folds[0].block is None else len(folds)
 
 

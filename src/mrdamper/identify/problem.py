@@ -26,7 +26,7 @@ from mrdamper.quantities import REFERENCE_K
 
 @dataclass(frozen=True, slots=True)
 class FreeParameter:
-    """A parameter of the template that is fitted, with its bounds.
+    """A parameter of the damper that is fitted, with its bounds.
 
     If the force is linear in the parameter (``linear``), linear least squares computes the parameter in each
     step (variable projection). The valid range of the coefficient then replaces the bounds. ``scale`` states
@@ -58,7 +58,7 @@ class FreeParameter:
 
 @dataclass(frozen=True)
 class FitProblem:
-    """A fit problem: template damper, free parameters, runs and settings."""
+    """A fit problem: template (damper with start values), free parameters, runs and settings."""
 
     template: Damper
     free: tuple[FreeParameter, ...]
@@ -81,7 +81,7 @@ class FitProblem:
 
     @cached_property
     def conditions(self) -> tuple[FloatArray, FloatArray]:
-        """A and b of the conditions A c >= b, which keep coefficients in the valid range of the law.
+        """A and b of the conditions A c >= b that keep the coefficients of the law valid.
 
         The vector c contains the linear parameters. The conditions apply on a grid of commands and
         temperatures.
@@ -115,7 +115,7 @@ class FitProblem:
         return np.concatenate(rows), np.concatenate(floor)
 
     def windows(self, samples_max: int | None = None, blocks: int = 1) -> tuple[FitWindow, ...]:
-        """Return the runs as windows: all data, or a subset of at most ``samples_max`` simulated samples.
+        """Return windows (sections) of the runs: all data, or at most ``samples_max`` simulated samples.
 
         With ``samples_max=None``, all data are used unless the runs with changing current are too long (see
         ``FitSettings``). ``blocks`` is the number of equal time blocks of each run. No window extends over
@@ -156,7 +156,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Result of the search from one start. ``cost_percent`` is the root of the mean squared error [%]."""
+    """Result of the search from one initial parameter set; ``cost_percent`` is the RMS error [%]."""
 
     index: int
     cost_percent: float

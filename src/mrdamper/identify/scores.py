@@ -42,7 +42,7 @@ class RunError:
     energy_model_J: float
     peak_measured_N: float
     peak_model_N: float
-    in_band_percent: float | None = None  # percentage of the scored samples inside the force band
+    in_band_percent: float | None = None  # percentage of scored samples within the expected force error
 
 
 def score_run(

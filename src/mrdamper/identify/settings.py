@@ -43,10 +43,10 @@ class FitSettings:
     time_step: float = 1.0  # difference of the times, divided by the length of the run
 
     # Search for start values, on few windows
-    random_start_count: int = 3  # number of starts for a law without archetypes; each start has many points
-    screening_samples_max: int = 5_000  # max number of simulated samples in all windows together
-    draws_per_parameter: int = 8  # random points of each start, per nonlinear parameter
-    draw_count_max: int = 80  # max number of random points of each start
+    random_start_count: int = 3  # number of sets of random points for a law without typical start values
+    screening_samples_max: int = 5_000  # max number of simulated samples in this search
+    draws_per_parameter: int = 8  # number of points in each random set, per nonlinear parameter
+    draw_count_max: int = 80  # max number of points in each random set
     screened_count: int = 6  # number of descents, which start at the points with the smallest costs
     screening_iterations_max: int = 10
     finalist_count: int = 3  # number of best descents that the full search continues
@@ -88,8 +88,8 @@ class NumericalSettings:
     # Runs have the same motion if the ratio of their standard deviations (displacement and velocity) is
     # smaller.
     fold_motion_ratio: float = 1.3
-    # Limits in the fit of the actuation. Long runs are resampled, but not below 200 Hz, which is necessary to
-    # resolve time constants of 5 ms.
+    # Limits in the fit of delay and lags. Long runs are resampled, but not below 200 Hz, which is necessary
+    # to resolve time constants of 5 ms.
     actuation_samples_max: int = 100_000
     actuation_rate_min_Hz: float = 200.0
     acceleration_quantile: float = 1e-3  # This fraction of extreme accelerations is ignored as an artefact.
@@ -100,9 +100,9 @@ class NumericalSettings:
     box_round_count_max: int = 8
     damping_start: float = 1e-2
     damping_max: float = 1e12
-    # Drift: relative change of the force when predicted linear parameters are replaced by the best ones
+    # Drift: relative change of the force if the best linear parameters replace the predicted ones
     drift_max: float = 0.03  # If the drift is larger, the tangents are computed again.
-    failed_drift_max: float = 1e-4  # like drift_max, after a failed step
+    failed_drift_max: float = 1e-4  # max drift after a failed step, as for drift_max
     # A descent has converged if one of the following two decreases of the cost is smaller than the limit.
     predicted_gain_min: float = 1e-9  # predicted decrease in the next step / cost
     gain_min: float = 5e-5  # decrease in the last ``gain_step_count`` steps / cost
@@ -125,9 +125,11 @@ class NumericalSettings:
     # Perturbations: fraction of the coordinates that are changed, and standard deviation of the change in
     # e-folds for coordinates on a logarithmic scale
     perturbations: tuple[tuple[float, float], ...] = ((1.0, 0.1), (0.5, 0.5), (0.2, 1.5), (0.5, 1.5))
-    perturbation_range_ratio: float = 0.1  # linear-scale change for 1 e-fold / range of bounds
-    exchanged_fractions: tuple[float, ...] = (0.15, 0.3, 0.5)  # part of coefficients from a second minimum
-    python_law_draw_count: int = 8  # random points of each start of a law in Python, which is slow
+    # A perturbation of 1 e-fold is replaced by this fraction of the range between the bounds if the scale is
+    # linear.
+    perturbation_range_ratio: float = 0.1
+    exchanged_fractions: tuple[float, ...] = (0.15, 0.3, 0.5)  # fraction of coefficients from another minimum
+    python_law_draw_count: int = 8  # points in each random set for a slow law in Python
 
     # Conditions and limits of coefficients
     condition_command_count: int = 17  # commands at which conditions are enforced
@@ -143,7 +145,7 @@ class NumericalSettings:
     temperature_margin_K: float = 5.0  # Coefficients are valid this far beyond the temperatures of the runs.
     sharpness_level_count_min: int = 5  # min number of currents for fitting the sharpness of a saturation
 
-    # Actuation
+    # Delay and lags between command and force
     command_step_ratio: float = 0.01  # step of a difference quotient / largest command
     parameter_step_ratio: float = 0.01  # step of a difference quotient / scale of the parameter
 

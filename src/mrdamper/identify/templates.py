@@ -1,4 +1,4 @@
-"""Make the template of a fit: dependences of the coefficients on current and temperature, with bounds.
+"""Make the damper at which a fit starts: its coefficients versus current and temperature, with bounds.
 
 ``terms`` defines which coefficients are fitted. This module multiplies their bounds by typical values of the
 runs (force, stroke, speed and current). The dependence of a coefficient on current has as many parameters as
@@ -34,7 +34,7 @@ _DEGREES = {"line": 1, "polynomial": 2}  # degree of the polynomial in the curre
 
 
 def scale_of(runs: Sequence[PreparedRun]) -> Scale:
-    """Return the typical values of runs. Search bounds are multiples of these values."""
+    """Return typical force, stroke, speed and command of runs. Search bounds are multiples of them."""
     constants = [run.run.constant_command for run in runs]
     varying = any(constant is None for constant in constants)
     return Scale(
@@ -211,7 +211,7 @@ def _default_terms(law: HysteresisLaw, *, campaign: bool) -> tuple[str, ...]:
 def _dependence(
     law: HysteresisLaw, entry: FreeCoefficient, s: Scale
 ) -> tuple[ParameterLaw, list[FreeParameter]]:
-    """Return the dependence of a coefficient on current, and its free parameters.
+    """Return a coefficient as a function of current, and the free parameters of this function.
 
     The number of parameters does not exceed the number of different commands.
     """

@@ -34,14 +34,14 @@ Form = Literal["fixed", "constant", "line", "polynomial", "exponential", "hill",
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Typical values of the runs. The search bounds of the coefficients are multiples of these values."""
+    """Typical force, stroke, speed and command of the runs, which scale the search bounds."""
 
     force: float  # 99.5th percentile of |F| over all runs [N]
     stroke: float  # maximum of |x| [m]
     speed: float  # 99.5th percentile of |v| of the fastest run [m/s]
     acceleration: float  # 99.5th percentile of |a| of the run with the largest value [m/s^2]
     command: float  # maximum of |command| [A or V]
-    levels: int  # number of different constant commands, at least 4 if a run has a changing command
+    levels: int  # number of different constant commands; at least 4 if a command changes during a run
     temperatures: tuple[float, ...]  # different temperatures [K]; empty unless all runs have a temperature
 
     def size_of(self, unit: str) -> float:
@@ -105,7 +105,7 @@ class Term:
 
 @dataclass(frozen=True, slots=True)
 class Archetype:
-    """Terms and start values for the search that are typical of one kind of damper.
+    """Terms (groups of coefficients) and start values that are typical of one kind of damper.
 
     An *alternative* has nearly the same forces at constant current as the previous archetype in the list.
     Only runs with changing current distinguish the two archetypes. The start values of an alternative contain
@@ -321,7 +321,7 @@ _CHAIN_ARCHETYPES = (
             "thinning_force": 0.3,
         },
     ),
-    Archetype(  # The same damper with a softer gap and more leakage.
+    Archetype(  # Damper with such a fluid, a softer gap and more leakage.
         _ELASTIC_TERMS,
         {"gap_stiffness": 2.0, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 40.0},
         is_alternative=True,
@@ -350,12 +350,12 @@ _CHAIN_STARTS: tuple[Mapping[str, float], ...] = tuple(
 
 
 def starts_of(law: HysteresisLaw) -> tuple[Mapping[str, float], ...]:
-    """Return several sets of start values for the base of a law; empty if random starts are sufficient."""
+    """Return sets of start values for the base coefficients; empty if random values are sufficient."""
     return _CHAIN_STARTS if law.name == "chain" else ()
 
 
 def archetypes_of(law: HysteresisLaw) -> tuple[Archetype, ...]:
-    """Return the archetypes of a law, with which the selection of terms starts; empty for most laws."""
+    """Return the typical sets of terms with which the selection for a law starts; empty for most laws."""
     return _CHAIN_ARCHETYPES if law.name == "chain" else ()
 
 

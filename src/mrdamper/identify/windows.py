@@ -191,7 +191,7 @@ def _relative_cost(run: PreparedRun) -> float:
 
 
 def _split_by_temperature(run: PreparedRun, span: _Span, settings: FitSettings) -> list[_Span]:
-    """Cut a span into parts with little change of temperature; each part has its own warm-up.
+    """Cut a section of a run into parts with little change of temperature, each with its own warm-up.
 
     The kernel is much faster at constant temperature. Each part is simulated at its mean temperature.
     """
@@ -243,7 +243,7 @@ def _spans(k: int, run: PreparedRun, settings: FitSettings, blocks: int) -> list
 
 
 def _features(runs: Sequence[PreparedRun], spans: Sequence[_Span], settings: FitSettings) -> FloatArray:
-    """Return the scaled features of windows, shape (windows, features).
+    """Return the features (amplitude, speed, ...) of windows, scaled, shape (windows, features).
 
     ``FitSettings`` defines the difference of each feature that counts as distance 1.
     """
@@ -320,7 +320,7 @@ def _cheapest_alike(
 def _merge(
     runs: Sequence[PreparedRun], spans: Sequence[_Span], fractions: Sequence[float], settings: FitSettings
 ) -> list[tuple[_Span, float]]:
-    """Join adjacent windows of one time block; return the joined windows with their weights.
+    """Join adjacent windows (sections of a run) of one time block; return them with their weights.
 
     Two windows are joined if they have equal weight per sample and if the temperature of the joined window
     changes little. At constant current, the length of joined windows is limited because the kernel integrates

@@ -23,7 +23,7 @@ _KEYS = {"current": "current_A", "voltage": "voltage_V", "temperature": "tempera
 
 @dataclass(frozen=True, slots=True)
 class WrittenMap:
-    """A channel map that describes how files were read. With it, the files are read in the same way again."""
+    """A channel map that describes how files were read, so that they are read in the same way again."""
 
     document: Mapping[str, Any]
     comments: tuple[str, ...]  # differences between the files, which the map cannot express
@@ -84,7 +84,7 @@ _TABLES: Mapping[str, Callable[[ChannelMap], dict[str, Any]]] = {
 
 
 def _file_constants(path: Path, file: RigFile) -> list[Inference]:
-    """Return the constant values of a file, which were taken from its name, a channel map or answers."""
+    """Return constant channel values of a file, taken from the file name, a channel map or answers."""
     given = [Inference(path.name, role, value, "map") for role, value in file.chosen.constant.items()]
     return [*file.inferred, *given]
 

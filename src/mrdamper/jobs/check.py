@@ -66,7 +66,7 @@ class CheckedFile:
 
 @dataclass(frozen=True, slots=True)
 class CheckedRun:
-    """Main values of a run (None if not available), and the findings about the run, worst first."""
+    """Amplitude, forces and other values of a run (None: unknown), and its findings, worst first."""
 
     name: str
     source: str

@@ -40,7 +40,7 @@ class CyclesResult(JobResult):
     understood: str  # description of the format of the file
     rows: int
     stroke_min_m: float  # Cycles with a smaller stroke are ignored.
-    breaks: int  # number of gaps in the rows or times of the record; cycles with a gap are omitted
+    breaks: int  # number of gaps in the record; cycles with a gap are omitted
     run: tuple[str, ...]  # name of the run of each cycle
     cycles: CycleFigures
     command_unit: CommandUnit

@@ -48,8 +48,8 @@ class ForceInterval:
     time_s: FloatArray  # time since the first plotted sample
     measured_N: FloatArray
     modelled_N: FloatArray  # force of the fitted damper
-    low_N: FloatArray  # lower end of the interval
-    high_N: FloatArray  # upper end of the interval
+    low_N: FloatArray  # lower end of the force interval
+    high_N: FloatArray  # upper end of the force interval
     rmse_N: tuple[float, float]  # interval of the RMS error of the whole scored run
 
     @property
@@ -117,9 +117,9 @@ class EvaluateResult(JobResult):
     law: str
     errors: tuple[RunError, ...]
     notes: tuple[str, ...]  # statements about runs that are outside the envelope of the card
-    promised: Mapping[str, Mapping[str, float | int | None]]  # errors that are stored in the card, by split
+    promised: Mapping[str, Mapping[str, float | int | None]]  # errors in the card: training and held-out runs
     band: ForceBand | None = None  # expected error of new runs, from the card
-    forces: tuple[ForceInterval, ...] = ()  # 90 % interval of every run; empty without posterior samples
+    forces: tuple[ForceInterval, ...] = ()  # force interval of every run; empty without posterior samples
     coefficients: tuple[CoefficientInterval, ...] = ()
     command_unit: str = ""
 

@@ -87,7 +87,7 @@ def export(
 
 
 def _code(card: ModelCard, options: ExportOptions, damper: DamperDrawing | None) -> CodeExport:
-    """Generate the code, compile it, and compare it with the model in Python."""
+    """Generate the code of a card, compile it, and compare its outputs with the model in Python."""
     try:
         target = target_of(
             card,

@@ -162,7 +162,7 @@ def _terms(options: FitOptions) -> tuple[str, ...] | None:
 
 
 def options_for(runs: Dataset, options: FitOptions) -> FitOptions:
-    """Return the options with only those ``hold_out`` patterns that match at least one of the runs."""
+    """Return the options without ``hold_out`` patterns that match no run."""
     present = [glob for glob in options.hold_out if any(fnmatchcase(name, glob) for name in runs.names)]
     return replace(options, hold_out=tuple(present))
 
@@ -209,7 +209,7 @@ def _repetition_note(first: Selection, last: Selection) -> str:
 
 
 def _tracked(damper: Damper) -> bool:
-    """Return True if the jobs ``track`` and ``export`` can make a controller from the damper."""
+    """Return True if the program can make a force controller for the damper."""
     return damper.law.name in (*TABULATED, *STEPPED)
 
 
@@ -242,7 +242,7 @@ def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
 
 
 def _sampled(fitted: Identification, options: FitOptions) -> tuple[Identification, CardDraws | None]:
-    """Return the fit and its posterior samples; None instead of samples if not requested or sampling fails.
+    """Return the fit and its posterior samples (None if they are not requested or cannot be drawn).
 
     If sampling fails, a note is added to the fit.
     """

@@ -30,7 +30,7 @@ _EXPORTS = (
 
 
 def _input(word: str, read: str, metavar: str, *places: str, **more: Any) -> Option:  # noqa: ANN401
-    """Return the option of an input: its kind, its reader, its placeholder and the folders of its files.
+    """Return the option of an input: kind, reader, placeholder, and folders of the input files.
 
     The reader is a function of this package. In the folder ``inputs``, which is the default, a form offers
     the files that look like the kind.

@@ -108,7 +108,7 @@ class _Damper:
     sized: bool = False
 
     def targets(self) -> tuple[Sequence[Scenario], bool]:
-        """Return the default targets and a flag, which is True if these targets are scaled to the damper."""
+        """Return the default targets, and True if these targets are scaled to the damper."""
         usual = tuple(SCENARIOS.values())
         if self.motions and (self.sized or not all(map(self._follows, usual))):
             return size_targets(self.plant, self.highest_A, self.motions), True
@@ -143,7 +143,7 @@ class PosteriorError:
 
     controller: str
     low_N: FloatArray  # lower end of the force interval at each time step, shape (n,)
-    high_N: FloatArray  # upper end of the force interval
+    high_N: FloatArray  # upper end of the force interval, shape (n,)
     rmse_N: tuple[float, float]  # interval of the RMS error of the scored samples
     max_N: tuple[float, float]  # interval of the maximum error of the scored samples
 
@@ -318,7 +318,7 @@ def _path(course: ReferenceTrajectory, current: FloatArray, scenario: Scenario) 
 
 
 class _Tests:
-    """Runs the tests on one damper and caches data that several tests use."""
+    """Tests of controllers on one damper; caches data that several tests use."""
 
     def __init__(self, damper: _Damper, seeds: Sequence[int]) -> None:
         self._damper, self._seeds = damper, seeds
@@ -353,10 +353,10 @@ class _Tests:
         return course, reach
 
     def followed(self, scenarios: Sequence[Scenario]) -> tuple[list[Scenario], list[str]]:
-        """Return the feasible targets, and a note for each infeasible target.
+        """Return the targets that the damper can follow, and a note for each other target.
 
-        Raise InputError if no target is feasible. The function is used only for default targets. A target
-        that the user has requested by name must be feasible.
+        Raise InputError if the damper can follow no target. The function is used only for default targets. A
+        target that the user has requested by name must be attainable.
         """
         kept: list[Scenario] = []
         refused: dict[str, InputError] = {}  # error at the first infeasible temperature, by target
@@ -416,7 +416,7 @@ def _check_unit(place: str, card: ModelCard) -> None:
 
 
 def _damper_of(given: TrackedDamper | VirtualDamper | ModelCard, card: ModelCard) -> _Damper:
-    """Return the plant that simulates a virtual damper or the damper of a card, with its limits."""
+    """Return the simulation of a virtual damper or of the damper of a card, with its limits."""
     if isinstance(given, VirtualDamper):
         given = TrackedDamper(given.name, given)
     elif isinstance(given, ModelCard):
@@ -544,7 +544,7 @@ def _no_controller(name: str, card: ModelCard, every: Mapping[str, Controller]) 
 
 
 def _check_lag(cards: Mapping[str, tuple[str, ModelCard]]) -> None:
-    """Raise InputError if a controller needs the lag between current and force and its card has no lag."""
+    """Raise InputError if a controller needs a lag between current and force but the card has none."""
     late: dict[str, list[str]] = {}
     for name, (place, card) in cards.items():
         no_actuator_lag = card.damper.actuation is None and card.damper.command_lag_s == 0.0

@@ -30,7 +30,7 @@ TWO_HYSTERESIS_WEIGHTS = (0.25, 0.15)
 
 @dataclass(frozen=True, slots=True)
 class Actuation:
-    """Parameters of an actuation: delay, first lag, second lag and hysteresis, and the coil data if known.
+    """Delay, two lags and magnetic hysteresis between command and force, and the coil data if known.
 
     The first lag has the time constant ``rise_s`` while its input exceeds its output, otherwise ``fall_s``.
     ``hysteresis_width_A`` is the half width [A or V] of the dead band behind the lags. A command that rises
@@ -45,8 +45,8 @@ class Actuation:
     fall_s: NotNegative
     second_s: NotNegative = 0.0
     delay_s: NotNegative = 0.0
-    resistance_20_ohm: NotNegative | None = None  # coil at 20 degC
-    largest_command: NotNegative | None = None  # maximum of the driver [A or V]
+    resistance_20_ohm: NotNegative | None = None  # coil resistance at 20 degC
+    largest_command: NotNegative | None = None  # largest command of the driver [A or V]
     hysteresis_width_A: NotNegative = 0.0  # half width of the dead band [A or V]
     freewheel_time_s: NotNegative = 0.0  # free-wheeling time constant; 0: the driver forces the current down
     saturation: NotNegative = 0.0  # command at half of the saturation flux [A or V]; 0: no saturation
@@ -68,7 +68,7 @@ class Actuation:
 
     @property
     def hysteresis_weights(self) -> tuple[float, float]:
-        """Return the fractions of the field with the narrow and the wide dead band."""
+        """Return the fractions of the magnetic field behind the narrow and behind the wide dead band."""
         return TWO_HYSTERESIS_WEIGHTS if self.wide_hysteresis_width_A > 0.0 else (HYSTERESIS_WEIGHT, 0.0)
 
     def apply(self, command: FloatArray, step: float) -> FloatArray:
@@ -79,7 +79,7 @@ class Actuation:
         return Applied(self, step).on(command)
 
     def response_time(self, share: float, start: float = 0.0, end: float = 1.0) -> float:
-        """Return the time [s] after a step until a fraction of the step is effective, without hysteresis."""
+        """Return the time [s] after a command step until its fraction ``share`` acts, without hysteresis."""
         if not 0.0 < share < 1.0:
             raise InputError(place="response time", found=f"share is {share}", expected="above 0 and below 1")
         if start == end:
@@ -101,7 +101,7 @@ class Actuation:
 
 
 class Applied:
-    """Effective command, computed batch by batch, starting from the steady state at the first sample."""
+    """Effective command (after delay, lags and hysteresis), computed batch by batch from a steady state."""
 
     def __init__(self, actuation: Actuation, step: float) -> None:
         self._actuation = actuation

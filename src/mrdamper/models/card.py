@@ -54,7 +54,7 @@ class Evidence:
                 raise InputError(place=f"evidence.runs[{k}]", found=problem)
 
     def errors(self, split: str) -> dict[str, float | int | None]:
-        """Return the number of runs of a split and their median and worst ``nrmse_percent``."""
+        """Return number, median and worst ``nrmse_percent`` of the training runs or of the held-out runs."""
         found = [run["nrmse_percent"] for run in self.runs if run["split"] == split]
         return {
             "runs": len(found),

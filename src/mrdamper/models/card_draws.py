@@ -57,7 +57,7 @@ class CardDraws:
 
 
 def percentile_ends(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the 5th and 95th percentile along the first axis, shape (samples, ...)."""
+    """Return the 5th and 95th percentile of values of shape (samples, ...) along the first axis."""
     tail = 50.0 * (1.0 - INTERVAL_PROBABILITY)
     low, high = np.percentile(values, [tail, 100.0 - tail], axis=0)
     return np.asarray(low), np.asarray(high)

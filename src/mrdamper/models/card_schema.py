@@ -56,7 +56,7 @@ _FactorName = Annotated[str, Option(among=lambda: FACTORS)]
 
 @dataclass(frozen=True, kw_only=True)
 class TemperatureRecord:
-    """The temperature factor of a coefficient; ``assumed`` if it comes from fluid data."""
+    """Temperature factor of a coefficient; ``assumed`` is True if the factor comes from fluid data."""
 
     kind: _FactorName
     assumed: bool = False
@@ -205,7 +205,7 @@ def _coefficient_of(card: ModelCard, name: str) -> CoefficientRecord:
 def record_of_law(
     law: ParameterLaw, unit: str, command_unit: str, errors: Sequence[float | None] | None = None
 ) -> CoefficientRecord:
-    """Return the record of a coefficient in ``unit``, with the standard errors if they are known."""
+    """Return a coefficient as a record of the card file, with the standard errors if they are known."""
     known = [None] * len(law.parameters) if errors is None else errors
     rows = zip(law.parameter_names, law.parameters, law.units(unit, command_unit), known, strict=True)
     temperature = None
@@ -396,7 +396,7 @@ def _law_of(record: CardRecord, place: str, python_law: HysteresisLaw | None) ->
 def _checked_law(
     law: HysteresisLaw, name: str, coefficient: CoefficientRecord, command_unit: str
 ) -> ParameterLaw:
-    """Return the parameter law of a coefficient with the units of the law."""
+    """Return a coefficient as a function of command and temperature, in the units of the law."""
     place = f"coefficients.{name}"
     if name not in law.names:
         raise unknown_name(f"{place}: {law.name} has no such coefficient", name, law.names)
@@ -417,7 +417,7 @@ def _checked_law(
 
 
 def parameter_law(coefficient: CoefficientRecord) -> ParameterLaw:
-    """Return the parameter law of a record.
+    """Return the coefficient of a card record as a function of command and temperature.
 
     Raises
     ------

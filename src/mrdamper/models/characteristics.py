@@ -36,7 +36,7 @@ FORCE_RATIO_MIN = 1e-9  # A smaller ratio of forces is a rounding error.
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SteadyCycle:
-    """One period of a sine after the transient, including both ends. It starts at mid-stroke in extension."""
+    """Motion and force in one period of a sine after the transient; starts at mid-stroke in extension."""
 
     motion: Sine
     velocity: FloatArray  # [m/s], shape (n,)
@@ -158,7 +158,7 @@ class Response:
     and ``force_t90`` are None.
     """
 
-    start: float  # [A or V]
+    start: float  # command before the step [A or V]
     end: float
     command_t63: float
     command_t90: float
@@ -173,7 +173,7 @@ class Characterisation:
     scope: Scope
     curves: tuple[tuple[PeakVelocityCurve, ...], ...]
     extension: FloatArray  # peak-velocity pick at the speeds of the tables [N]
-    retraction: FloatArray  # [N]
+    retraction: FloatArray  # peak-velocity pick in retraction [N]
     energy: FloatArray  # energy per cycle of ``scope.motion`` [J]
     responses: tuple[Response, ...]  # responses to a rising and a falling step; empty if there is no lag
 
@@ -241,7 +241,7 @@ def default_scope(
 
 
 def characterise(damper: Damper, scope: Scope) -> Characterisation:
-    """Return the characteristics of a damper at the commands, temperatures and speeds of a scope."""
+    """Return the characteristics of a damper at the commands, temperatures and speeds in ``scope``."""
 
     def picks(speeds: Sequence[float] | FloatArray) -> tuple[tuple[PeakVelocityCurve, ...], ...]:
         return tuple(

@@ -24,7 +24,7 @@ TEMPERATURE_TOLERANCE_K = 5.0  # Temperatures closer than this count as the same
 
 @dataclass(frozen=True, slots=True)
 class ParameterPair:
-    """One parameter of two dampers; ``z`` is the difference divided by its standard error."""
+    """One parameter of two dampers; ``z`` is the difference / standard error of the difference."""
 
     name: str
     unit: str
@@ -190,7 +190,7 @@ def _common_temperature(
 
 
 def _temperatures_of(card: ModelCard) -> Range | None:
-    """Return the temperature range [K] of the runs; if it is one value, the range of the assumed factors."""
+    """Return the temperature range [K] of the runs; for one temperature, the range of assumed factors."""
     tested, assumed = card.envelope.temperature, card.damper.temperature_range
     single = tested is None or tested[1] - tested[0] < TEMPERATURE_TOLERANCE_K
     if single and card.damper.temperature_dependent and assumed is not None:

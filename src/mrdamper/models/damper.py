@@ -68,7 +68,7 @@ class OperatingEnvelope:
 
 @dataclass(frozen=True)
 class Damper:
-    """A hysteresis law and the parameter law of each of its coefficients.
+    """A hysteresis law, and each of its coefficients as a function of command and temperature.
 
     Missing coefficients are constant at their default. The effective command follows the command with a
     first-order lag of ``command_lag_s`` (0: no lag), or as described by ``actuation``. Outside
@@ -239,7 +239,7 @@ class Damper:
             raise InputError(faults=[InputError(problem) for problem in problems])
 
     def on_limits(self) -> Damper:
-        """Return the damper with coefficients clipped to the limits of the law."""
+        """Return a damper whose coefficients are clipped to the valid ranges of its law."""
         return replace(self, limited=True)
 
     def clip_temperature(self, temperature: FloatArray) -> FloatArray:

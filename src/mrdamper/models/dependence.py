@@ -83,7 +83,7 @@ class ParameterLaw(Protocol):
         ...
 
     def with_parameters(self, parameters: Sequence[float]) -> Self:
-        """Return the same form with new values of the parameters."""
+        """Return the same function with new values of the parameters."""
         ...
 
 
@@ -297,8 +297,8 @@ class Saturation(Hill):
 class Exponential:
     """value = at_zero exp(rate I)."""
 
-    at_zero: float  # [coefficient unit]
-    rate: float  # [1 / command unit]
+    at_zero: float  # value at zero command [coefficient unit]
+    rate: float  # relative increase per command [1 / command unit]
 
     kind: ClassVar[str] = "exponential"
     temperature_dependent: ClassVar[bool] = False
@@ -526,8 +526,9 @@ def _hill_rise(
     far = exponent * log_h
     top = np.logaddexp(0.0, far)
     taken = np.logaddexp(0.0, -beyond)
-    # h^q / (u^q + h^q) = exp(-log(1 + exp(beyond))), and log(1 + exp(b)) = b + log(1 + exp(-b)).
+    # u^qr / (u^qr + h^qr) = exp(-taken). At the reference u = 1, this value is exp(-top).
     rise = top - taken if sharpness is None else (top - taken) / sharpness
+    # beyond = qr log(u / h). Therefore h^qr / (u^qr + h^qr) = 1 / (1 + exp(beyond)).
     return np.exp(rise), log_u, np.exp(-np.logaddexp(0.0, beyond)), np.exp(far - top)
 
 

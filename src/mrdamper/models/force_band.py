@@ -36,7 +36,7 @@ class MotionSize:
         return cls(float(np.std(motion.displacement)), float(np.std(motion.velocity)))
 
     def distance(self, others: Sequence[MotionSize]) -> float:
-        """Return the distance [-] to the nearest of the ``others``.
+        """Return the distance [-] to the most similar motion in ``others``.
 
         The distance is the larger absolute logarithm of the ratios of displacement and velocity: 0.69 for a
         motion that is half as fast.
@@ -47,7 +47,7 @@ class MotionSize:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceBand:
-    r"""Half width of the band around the force F of a run, and the errors of held-out runs.
+    r"""Half width h of a band around the model force F for measured forces, and errors of held-out runs.
 
     .. math:: h = factor\, c \max(1, 1 + widening (d - usual)) \sqrt{F^2 + (run\_share\, rms F)^2 + base^2}
 

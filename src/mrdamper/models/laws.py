@@ -134,7 +134,7 @@ COMMON: tuple[Coefficient, ...] = (
 )
 """Coefficients that every law of the kernel has, in the order of the kernel."""
 
-# Spring and preload are inside the chain of the series valve, so that the force is not linear in them.
+# Spring and preload are inside the series connection of this law, so that the force is not linear in them.
 _IN_CHAIN: tuple[Coefficient, ...] = tuple(
     replace(c, linear=False) if c.name in ("stiffness", "offset") else c for c in COMMON
 )
@@ -155,7 +155,7 @@ The element is free play in series with a spring, and a dashpot in parallel with
 def _term(
     name: str, unit: str, description: str, default: float, lower: float = 0.0, upper: float = math.inf
 ) -> Coefficient:
-    """Return a coefficient of a term of the chain. The default value of the coefficient disables the term."""
+    """Return an optional coefficient of the law ``chain``. Its default value disables its effect."""
     return Coefficient(name, unit, description, False, lower, upper, default)
 
 

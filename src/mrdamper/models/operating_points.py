@@ -21,7 +21,7 @@ from mrdamper.models.dependence import ParameterLaw
 class _Moving:
     """A coefficient that is nonlinear in a parameter. Its gradient depends on the parameters."""
 
-    place: int  # index of the coefficient in the law
+    place: int  # index of the coefficient in the list of the law
     column: int  # index among the differentiated coefficients; -1: not differentiated
     form: ParameterLaw
     fixed: FloatArray  # parameters of the form, shape (k, 1)

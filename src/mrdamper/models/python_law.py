@@ -139,7 +139,7 @@ class _Path:
         self._constant = self._values(self._command[0], self._kelvin[0]) if constant else None
 
     def evaluate(self, k: int, theta: float) -> tuple[float, float, Values]:
-        """Return displacement, velocity and coefficients at the fraction theta of interval k."""
+        """Return displacement, velocity and coefficients at the fraction theta of the sample interval k."""
         x0, x1, x2, x3 = self.cubics[k]
         x = x0 + theta * (x1 + theta * (x2 + theta * x3))
         v = (x1 + theta * (2 * x2 + theta * 3 * x3)) / self.step
@@ -151,7 +151,7 @@ class _Path:
         return x, v, self._values(self._first_order_lag(k, self._applied[k], theta), here)
 
     def _first_order_lag(self, k: int, applied: float, theta: float) -> float:
-        """Return the effective command at the fraction theta of interval k, for a linear command.
+        """Return the lagged command at the fraction theta of sample interval k, for a linear command.
 
         The result solves applied' = (command - applied) / lag from the value ``applied`` at the start.
         """
@@ -221,7 +221,7 @@ def hermite(trajectory: Trajectory) -> FloatArray:
 
 
 def turns_of(cubic: Sequence[float]) -> list[float]:
-    """Return the points between 0 and 1 at which the slope of the cubic changes its sign."""
+    """Return the points between 0 and 1 at which the slope of a cubic polynomial changes sign."""
     c, b, a = cubic[1], 2 * cubic[2], 3 * cubic[3]
     discriminant = b * b - 4 * a * c
     if discriminant <= 0.0:

@@ -109,7 +109,7 @@ def _simulate_at_points(damper: Damper, drives: Sequence[Drive]) -> list[FloatAr
     pairs = zip(coefficients, drives, strict=True)
     pushes = any(_reversed_valve(damper, row, drive.trajectory.displacement) for row, drive in pairs)
     if pushes or damper.law.violations(dict(zip(damper.law.names, found, strict=True))):
-        return [simulate(damper, drive) for drive in drives]  # ``simulate`` raises the InputError.
+        return [simulate(damper, drive) for drive in drives]  # This raises an InputError for the invalid run.
     return core.forces(damper.law.kernel or 0, [drive.record for drive in drives], coefficients)
 
 
@@ -135,7 +135,7 @@ def operating_point(drive: Drive, *, temperature_dependent: bool) -> tuple[float
 
 
 def effective_command(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-    """Return the effective command, its derivative with respect to the lag, and the temperature [K].
+    """Return the delayed command, its derivative with respect to the lag, and the temperature [K].
 
     Each array has one sample if command and temperature are constant.
     """

@@ -24,7 +24,7 @@ from mrdamper.models.simulate import (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sensitivity:
-    """Force and tangent columns along a run: d force / d parameter = combine @ columns.
+    """Force along a run and its derivatives: d force / d parameter = combine @ columns.
 
     The kernel computes ``columns``, shape (d, n), which are derivatives with respect to coefficients.
     ``combine``, shape (parameters, d), converts them to derivatives with respect to parameters. The two
@@ -37,7 +37,7 @@ class Sensitivity:
 
 
 def sensitivities(damper: Damper, drive: Drive, parameters: Sequence[str]) -> Sensitivity:
-    """Return force and tangents of a damper along a run with respect to the named parameters.
+    """Return the force of a damper along a run and its derivatives with respect to parameters.
 
     The conditions of the law are not checked because a fit stays inside them.
     """
@@ -45,7 +45,7 @@ def sensitivities(damper: Damper, drive: Drive, parameters: Sequence[str]) -> Se
 
 
 class Tangents:
-    """Forces and tangents along many runs.
+    """Forces along many runs, and their derivatives with respect to parameters (tangents).
 
     Coefficients are evaluated once for all runs: at each operating point of the runs with constant current
     and temperature, and at all samples of the remaining runs.
@@ -126,7 +126,7 @@ class Tangents:
         self._varying_coefficients = damper.coefficients_at(command, temperature)
 
     def evaluate_run(self, run: int, *, store: FloatArray | None = None) -> Sensitivity:
-        """Return force and tangents of one run. ``store``, shape (.., n), is memory for the columns."""
+        """Return force and derivatives of one run. ``store``, shape (.., n), is memory for the columns."""
         damper, drive = self._damper, self._drives[run]
         if damper.law.kernel is None:
             return _by_differences(damper, drive, self._parameters)
@@ -153,7 +153,7 @@ class Tangents:
 
 
 def _by_differences(damper: Damper, drive: Drive, parameters: Sequence[str]) -> Sensitivity:
-    """Return force and tangents of a law in Python by central differences.
+    """Return the force of a law in Python, and its parameter derivatives by central differences.
 
     Coefficients with a linear effect on the force do not change the internal states. The states are therefore
     integrated only once for the derivatives with respect to all these coefficients.

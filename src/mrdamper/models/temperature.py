@@ -86,7 +86,7 @@ class _Factor:
 class Linear(_Factor):
     """factor = 1 - temperature_slope (T - 293.15 K): the yield stress of an MR fluid."""
 
-    temperature_slope: float  # [1/K]
+    temperature_slope: float  # relative decrease per kelvin [1/K]
 
     kind: ClassVar[str] = "linear"
     units: ClassVar[tuple[str, ...]] = ("1/K",)
@@ -111,7 +111,7 @@ class Arrhenius(_Factor):
     The activation temperature is E/R; 1435.5 K gives a decrease of 65 % from 20 to 100 degC.
     """
 
-    activation_K: float  # [K]
+    activation_K: float  # activation temperature [K]
 
     kind: ClassVar[str] = "arrhenius"
     units: ClassVar[tuple[str, ...]] = ("K",)
@@ -134,7 +134,7 @@ class Arrhenius(_Factor):
 class Reynolds(_Factor):
     """factor = exp[-rate (T - 293.15)]: the exponential viscosity law."""
 
-    temperature_rate: float  # [1/K]
+    temperature_rate: float  # relative decrease per kelvin at any temperature [1/K]
 
     kind: ClassVar[str] = "reynolds"
     units: ClassVar[tuple[str, ...]] = ("1/K",)
@@ -160,8 +160,8 @@ class Vft(_Factor):
     Valid for T > pole; pole = 0 gives the Arrhenius law. For T <= pole the factor is not finite.
     """
 
-    vft_K: float  # [K]
-    vft_pole_K: float  # [K], below all temperatures of use
+    vft_K: float  # B [K]
+    vft_pole_K: float  # pole [K], below all temperatures of use
 
     kind: ClassVar[str] = "vft"
     units: ClassVar[tuple[str, ...]] = ("K", "K")

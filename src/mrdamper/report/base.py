@@ -210,7 +210,7 @@ def _files_of(path: Path) -> Iterable[Path]:
 
 
 def print_notes(notes: Iterable[str], console: Console) -> None:
-    """Print the first notes on a result. The report has all of them."""
+    """Print the first notes on a result. The report contains all notes."""
     sentences = [sentence(note) for note in notes]
     for note in sentences[:NOTE_COUNT_MAX]:
         console.print(f"Note: {escape(note)}")

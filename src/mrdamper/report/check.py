@@ -214,7 +214,7 @@ def _show_questions(result: CheckResult, console: Console) -> None:
 
 
 def show_findings(findings: Sequence[Finding], console: Console) -> None:
-    """Print the worst finding of each kind and the number of other runs with this kind, the worst first."""
+    """Print the worst finding of each kind, worst first, and the number of further runs with this kind."""
     finding_count_max = 4
     kinds = by_kind(findings)
     for finding, run_count in kinds[:finding_count_max]:
@@ -238,7 +238,7 @@ def _verdict(result: CheckResult) -> tuple[str, str]:
 
 
 def _by_layout(files: Sequence[CheckedFile]) -> dict[str, str]:
-    """Group files by format and columns; return the first path of each group and the number of the others."""
+    """Group files by format and columns; return first path and number of further files of each group."""
     paths: dict[str, list[str]] = {}
     for file in files:
         columns = ", ".join(f"{column.role} {column.name!r} in {column.unit}" for column in file.columns)

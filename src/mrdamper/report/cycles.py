@@ -52,7 +52,7 @@ def _first(result: CyclesResult) -> FirstScreen:
 
 
 def _tiles(result: CyclesResult) -> tuple[Tile, Tile, Tile]:
-    """Return the tiles of energy, force, and temperature or stiffness."""
+    """Return the values of the first screen: energy, force, and temperature or stiffness."""
     named = [("energy_J", "J", "energy per cycle"), ("highest_force_N", "N", "highest force")]
     warm = "temperature_degC" in result.columns
     named.append(
@@ -95,7 +95,7 @@ def _sections(result: CyclesResult) -> list[Section]:
 def _figures_table(
     result: CyclesResult, title: str, words: Mapping[str, str] = TITLES
 ) -> Table[tuple[str, FigureSummary]]:
-    """Return the table with the statistics of all values. ``words`` has the title of each value."""
+    """Return the table with the statistics of all cycle values. ``words`` has the title of each value."""
     count, figures = result.group_size, result.figures
     ends = f"means of up to {count} cycles at the start and at the end" if count > 1 else "single cycles"
 
@@ -119,7 +119,7 @@ def _figures_table(
 
 
 def _change(name: str, figure: FigureSummary) -> float | None:
-    """Return the change from the first to the last group of cycles [%]; None for temperatures."""
+    """Return the change of a value from the first to the last group of cycles [%]; None: temperature."""
     return 100.0 * (figure.last / figure.first - 1.0) if figure.first and name != "temperature_degC" else None
 
 

@@ -167,7 +167,7 @@ def _output_rows(found: ExportResult) -> list[dict[str, object]]:
 
 
 def _write_folder(found: ExportResult, folder: Path) -> None:
-    """Write the C source files with their record and the page."""
+    """Write the C source files, the record of their verification, and the page."""
     assert found.code is not None
     target = found.code.target
     folder.mkdir(exist_ok=True)

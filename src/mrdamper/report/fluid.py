@@ -62,7 +62,7 @@ def _over_temperature(study: Study, label: str, scale: float) -> Panel:
 
 
 def _residuals(study: Study) -> Panel:
-    """Return a panel with the deviations of measured points and of the other laws from the best law."""
+    """Return a panel with the deviations of measured points and of all fitted laws from the best law."""
     celsius, best = study.temperature_K - ZERO_CELSIUS_K, study.best.value(study.temperature_K)
     lines = [_points(celsius, 100.0 * (study.value / best - 1.0), study)]
     for fit, colour in zip(study.fits[1:], SERIES[1:], strict=False):
@@ -83,7 +83,7 @@ def _over_field(study: Study) -> Panel:
 
 
 def _points(x: FloatArray, y: FloatArray, study: Study) -> Line:
-    """Return the measured points of a table."""
+    """Return the measured points of a rheometer table for a plot."""
     points = [
         Point(at, value, "training" if used else "held_out")
         for at, value, used in zip(x.tolist(), y.tolist(), study.used.tolist(), strict=True)
@@ -92,7 +92,7 @@ def _points(x: FloatArray, y: FloatArray, study: Study) -> Line:
 
 
 def _levels(values: FloatArray) -> Sequence[float]:
-    """Return at most six distinct values, rounded to three digits."""
+    """Return at most six different field strengths or temperatures, rounded to three digits."""
     return pick_evenly(sorted({float(f"{value:.3g}") for value in values.tolist()}), 6)
 
 

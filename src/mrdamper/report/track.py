@@ -75,7 +75,7 @@ def tracking_figure(traced: Traced) -> Figure:
 
 
 def error_figure(run: TrackResult) -> Figure:
-    """Return a figure of the RMS error while the target is feasible, versus temperature, by target."""
+    """Return a figure of RMS error (while the target is attainable) versus temperature, by target."""
     drawn: list[Panel] = []
     for target in run.targets:
         lines = []
@@ -192,13 +192,13 @@ def _sections(run: TrackResult) -> list[Section]:
 
 
 def _best(run: TrackResult, target: str) -> Row:
-    """Return the row of the controller with the lowest feasible RMS error at its worst temperature."""
+    """Return the row of the controller whose RMS error at its worst temperature is smallest."""
     rows = [row for row in run.max_error_rows if row.target == target]
     return min(rows, key=lambda row: _feasible(row.score))
 
 
 def _feasible(score: Score) -> float:
-    """Return the RMS error while the target is feasible [N]; if it never is, the RMS error of all samples."""
+    """Return the RMS error while the damper can reach the target [N]; if never, the error of all samples."""
     return score.rmse_N if score.rmse_feasible_N is None else score.rmse_feasible_N
 
 

@@ -91,7 +91,7 @@ class CompactModel:
     films: FilmTable
     fluid: FloatArray  # weights of the states in the mean fluid temperature, shape (n,)
     coil: FloatArray  # weights of the states in the mean coil temperature, shape (n,)
-    spots: FloatArray  # weights at three candidate hot spots of gap, coil and seals, shape (3, 3, n)
+    spots: FloatArray  # weights of the states at three possible hot spots of gap, coil and seals, (3, 3, n)
     # Feedthrough from mechanical power and coil heat to fluid, coil and candidate hot spots [K/W].
     fluid_feedthrough: FloatArray  # shape (2,)
     coil_feedthrough: FloatArray  # shape (2,)
@@ -313,7 +313,7 @@ def simulate_compact(
 
 
 def typical_power(model: CompactModel) -> float:
-    """Return the typical power of a damper [W]. Without losses, it heats the damper by 100 K in 30 min."""
+    """Return the power [W] that would heat the damper by 100 K in 30 min if there were no losses."""
     return float(model.capacity[0]) * SETTINGS.typical_power_rise_K / SETTINGS.typical_power_time_s
 
 
@@ -348,7 +348,7 @@ def sensor_gains(model: CompactModel, step: float = UPDATE_S) -> FloatArray:
 
 
 def _losses(model: CompactModel, z: FloatArray, ambient: float, speed: float) -> FloatArray:
-    """Return the matrix of the heat losses at the present surface temperatures [W/K], shape (n, n)."""
+    """Return the heat-loss matrix of the states at the present surface temperatures [W/K], shape (n, n)."""
     surface = model.reference + model.mean @ z
     films = [model.film_of(k, float(kelvin), ambient, speed) for k, kelvin in enumerate(surface)]
     return np.asarray(np.tensordot(films, model.loss, (0, 0)))

@@ -48,9 +48,9 @@ FRACTIONS = np.linspace(0.0, 1.0, 5)  # simulated fractions of the quantity
 class Conditions:
     """The axes of a derating map, each with rising values."""
 
-    ambient: FloatArray  # [K], shape (a,)
-    air: FloatArray  # [m/s], shape (w,)
-    duration: FloatArray  # [s], infinity for the steady state, shape (d,)
+    ambient: FloatArray  # ambient temperature [K], shape (a,)
+    air: FloatArray  # air speed [m/s], shape (w,)
+    duration: FloatArray  # time at the load [s], infinity for the steady state, shape (d,)
 
     def __post_init__(self) -> None:
         for name in ("ambient", "air", "duration"):
@@ -72,9 +72,9 @@ class Derating:
     quantity: Quantity
     conditions: Conditions
     limits: tuple[Limit, ...]
-    share: FloatArray  # largest permissible fraction
-    low: FloatArray  # lower end of the 90 % interval
-    high: FloatArray  # upper end of the 90 % interval
+    share: FloatArray  # largest permissible fraction of the quantity
+    low: FloatArray  # lower end of the 90 % interval of ``share``
+    high: FloatArray  # upper end of the 90 % interval of ``share``
     part: FloatArray  # index of the limit that is reached first; -1: no limit is reached
 
 
@@ -144,7 +144,7 @@ def _scaled(segment: Segment, motion: float, command: float) -> Segment:
 
 
 def _joint_model(drawing: DamperDrawing, conditions: Conditions) -> ReducedModel:
-    """Return a reduced model for the whole map, whose basis contains the responses at the corners."""
+    """Return one reduced thermal model for all conditions; its basis has the responses at their extremes."""
     ends = [(ambient, air) for ambient in conditions.ambient[[0, -1]] for air in conditions.air[[0, -1]]]
     around = [
         replace(drawing.surroundings, ambient=float(t), air_speed=float(u)) for t, u in dict.fromkeys(ends)

@@ -144,9 +144,9 @@ class Filling:
     name: str
     density: float  # [kg/m^3]
     heat_capacity: float  # [J/(kg K)]
-    conductivity: float  # fluid at rest [W/(m K)]
+    conductivity: float  # conductivity of the fluid at rest [W/(m K)]
     valid_K: tuple[float, float]
-    stirring: float | None = None  # conductivity in motion, divided by ``conductivity``; None: computed
+    stirring: float | None = None  # conductivity of the moving fluid / ``conductivity``; None: computed
     # Thermal conductance between the gap and each chamber by the pumped fluid [W/K]; None: computed.
     exchange: float | None = None
 
@@ -244,7 +244,7 @@ class DamperDrawing:
         return math.fsum(of.volumetric_heat * volume for of, volume in heats)
 
     def capacity_growth(self, part: str) -> CapacityCurve | None:
-        """Return the heat capacity of a part versus temperature / its mean; None if it is constant."""
+        """Return heat capacity versus temperature / mean heat capacity of a part; None if constant."""
         if self.heat_capacity is None:
             return None
         parts = self.heat_capacity.parts
@@ -453,7 +453,7 @@ def _require(drawing: DamperDrawing, holds: bool, found: str, expected: str) -> 
 
 
 def _take_means(drawing: DamperDrawing) -> None:
-    """Set the heat capacity of each part that has a polynomial to the mean of the polynomial."""
+    """Set each temperature-dependent heat capacity to the mean of its polynomial."""
     if drawing.heat_capacity is None:
         return
     means = {name: part.mean for name, part in drawing.heat_capacity.parts.items()}

@@ -195,7 +195,7 @@ def _sink_of(document: Json, place: str) -> HeatSink | None:
 
 
 def _without_empty_sink(document: Json) -> Json:
-    """Return the document; its table [sink] is removed if the number of fins is 0."""
+    """Return a geometry file's document without the table [sink] if the number of fins is 0."""
     sink = document.get("sink")
     if isinstance(sink, dict) and sink.get("fins") == 0:
         return {key: table for key, table in document.items() if key != "sink"}

@@ -266,7 +266,7 @@ def _columns(table: Table, place: str) -> dict[str, FloatArray]:
 
 
 def _chunks(step: float, displacement: FloatArray, command: FloatArray) -> tuple[Segment, ...]:
-    """Divide a measured motion into segments of about 20 s."""
+    """Return a measured motion as segments of a load cycle, each about 20 s long."""
     velocity = differentiate(displacement, step)
     acceleration = differentiate(velocity, step)
     count = max(1, round((len(displacement) - 1) * step / SETTINGS.measured_motion_time_s))

@@ -27,8 +27,8 @@ Coefficients = tuple[float, ...] | None
 class CapacityCurve:
     """A heat capacity as a polynomial in temperature. It is constant outside ``low`` to ``high``."""
 
-    low: float  # [K]
-    high: float  # [K]
+    low: float  # lowest temperature of the polynomial [K]
+    high: float  # highest temperature of the polynomial [K]
     coefficients: tuple[float, ...]  # coefficients of the powers of T - low, lowest power first
 
     def evaluate(self, kelvin: float) -> float:

@@ -28,7 +28,7 @@ def length_option(key: str, default_help: str = "") -> Option:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Manufacture:
-    """Manufacturing limits of a heat sink, and fouling that narrows its fin gaps; lengths in metres."""
+    """Manufacturing limits of a heat sink, and fouling that narrows the gaps; lengths in metres."""
 
     least_thickness: Annotated[float, length_option("least_thickness_mm")] = 1e-3
     """Smallest thickness of a fin that can be manufactured."""

@@ -43,7 +43,7 @@ class Limit:
 
 @dataclass(frozen=True, slots=True)
 class LimitReached:
-    """A limit, the highest simulated temperature of the part, and the time at which it reaches the limit."""
+    """A temperature limit of a part, its highest simulated temperature, and the time to the limit."""
 
     limit: Limit
     hottest: float  # highest temperature in the simulation [K]

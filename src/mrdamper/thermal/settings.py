@@ -12,7 +12,7 @@ class ThermalSettings:
     # Geometry and materials
     coil_depth_ratio: float = 0.4  # default depth of the coil / radial distance from rod to piston surface
     carrier_conductivity_W_mK: float = 0.14  # default conductivity of the carrier oil
-    mixed_fraction: float = 0.5  # fraction of the displaced fluid that mixes with a chamber before it returns
+    mixed_fraction: float = 0.5  # fraction of the displaced fluid that mixes in a chamber before returning
 
     # Load cycles and their power
     motion_time_s: float = 120.0  # simulated time of a non-periodic motion, for the mean power
@@ -81,7 +81,7 @@ class ThermalSettings:
     reading_noise_max_K: float = 2.0
     residual_ratio_max: float = 0.03  # max residual / temperature range of the curve
     neighbour_correlation_max: float = 0.999  # upper limit of the correlation of adjacent residuals
-    reference_excess_K: float = 40.0  # temperature above ambient at which heat losses are compared
+    reference_excess_K: float = 40.0  # rise above ambient at which the heat losses of two models are compared
     trial_margin_K: float = 100.0  # A trial simulation stops this far below the end of the loss tables.
 
     # Interval of a predicted heating curve
@@ -92,9 +92,9 @@ class ThermalSettings:
 
     # Design of fins
     sink_step_max_s: float = 120.0  # max time step; its error is 10 mK after half an hour for all heat sinks
-    sink_width_ratios: tuple[float, ...] = (0.4, 0.6, 0.8, 1.0)  # tried width / largest width
-    fin_thickness_ratios: tuple[float, ...] = (1.0, 1.5, 2.0, 3.0)  # tried thickness / smallest thickness
-    sink_span_ratios: tuple[float, ...] = (0.6, 1.0)  # tried pitch / largest pitch
+    sink_width_ratios: tuple[float, ...] = (0.4, 0.6, 0.8, 1.0)  # evaluated fin width / largest width
+    fin_thickness_ratios: tuple[float, ...] = (1.0, 1.5, 2.0, 3.0)  # evaluated thickness / smallest one
+    sink_span_ratios: tuple[float, ...] = (0.6, 1.0)  # evaluated fin pitch / largest pitch
     sink_grid_m: float = 1e-4  # Pitches and widths are whole tenths of a millimetre.
     fin_gap_max_widths: float = 2.0  # gap between two fins / width of the fins
     # Half widths of 90 % intervals

@@ -34,8 +34,8 @@ MR_FLUID_PRANDTL = 300.0  # 0.1 Pa s, 800 J/(kg K), 0.3 W/(m K); the value has h
 class Stroke:
     """Mean stroke of the piston: amplitude and frequency of a sine; zero at rest."""
 
-    amplitude: float  # [m]
-    frequency: float  # [Hz]
+    amplitude: float  # amplitude of the sine [m]
+    frequency: float  # frequency of the sine [Hz]
 
 
 PAPER_STROKE = Stroke(0.015, 1.0)

@@ -50,8 +50,8 @@ class Rise:
     fluid: FloatArray  # mean fluid temperature [K]
     coil: FloatArray  # mean coil temperature [K]
     wall: FloatArray  # mean temperature of tube and caps [K]
-    mechanical_W: FloatArray  # mechanical power
-    coil_W: FloatArray  # coil heat
+    mechanical_W: FloatArray  # mechanical power that heats the fluid
+    coil_W: FloatArray  # heat of the coil
     paths_W: Mapping[str, FloatArray]  # heat loss of each path
     energy_J: Mapping[str, float]  # energies of the simulation: mechanical, coil, out, stored, each path
     energy_closure: float  # largest error of the energy balance, divided by the largest energy [-]

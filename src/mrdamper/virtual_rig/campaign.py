@@ -41,7 +41,7 @@ class PlannedRun:
     """The plan of one run of a campaign."""
 
     name: str
-    label: str  # name of the motion
+    label: str  # name of the motion in run names
     motion: Motion
     current: float | CurrentSteps | RandomCurrent  # current command [A]
     temperature_degC: float

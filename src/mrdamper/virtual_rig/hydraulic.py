@@ -43,7 +43,7 @@ class HydraulicDamper:
         If a parameter is not finite or outside its range, or the name is invalid in a file name.
     """
 
-    kind: ClassVar[str] = "hydraulic"  # kind of the native plant
+    kind: ClassVar[str] = "hydraulic"  # kind of the damper in the C extension
 
     name: str = "hydraulic-bench"  # prefix of the run names
     # cylinder, fluid and gas
@@ -71,7 +71,7 @@ class HydraulicDamper:
     bypass_m2: NotNegative = 2e-7  # CdAb: discharge coefficient times area of the bypass
     bypass_Pa: Positive = 2000.0  # dp0: the bypass flow is laminar below this pressure difference
     # fluid
-    density_kg_m3: Positive = 3000.0  # rho
+    density_kg_m3: Positive = 3000.0  # rho: density of the fluid
     carrier_kg_m3: Positive = 900.0  # rhoc: density of the carrier liquid
     particle_share: Annotated[float, Option(above=0.0, below=0.6)] = 0.32  # phi20: volume fraction at 20 degC
     walther_a: Positive = 2.863929  # Aw of log10 log10(nu + 0.7 cSt) = Aw - Bw log10 T (ASTM D341)
@@ -131,7 +131,7 @@ class HydraulicDamper:
     stribeck_m_s: Positive = 0.004  # vs: Stribeck velocity
     friction_1_Pa: NotNegative = 1.5e-7  # kps: relative increase of friction per pascal on the seal
     friction_share: _Share = 0.5  # wps: weight of chamber 1 in the pressure on the seal
-    friction_N_m: Positive = 6e5  # kf: stiffness before sliding
+    friction_N_m: Positive = 6e5  # kf: stiffness of the friction elements before sliding
     friction_N_s_m: Positive = 400.0  # cf: damping of the viscous sliders
     friction_per_K: NotNegative = 0.0015  # fT: relative decrease of friction per kelvin
 

@@ -47,7 +47,7 @@ class LumpedDamper:
         If a parameter is not finite or outside its range, or the name is not valid in a file name.
     """
 
-    kind: ClassVar[str] = "lumped"  # kind of the native plant
+    kind: ClassVar[str] = "lumped"  # kind of the damper in the C extension
 
     name: str = "nominal"  # prefix of the run names
     # driver and coil
@@ -56,8 +56,8 @@ class LumpedDamper:
     coil_henry: Positive = 0.04  # L0: inductance at zero current
     inductance_fall: NotNegative = 0.25  # coefficient b [1/A^2] of the inductance L0 / (1 + b i^2)
     supply_V: Positive = 24.0  # Vmax: voltage limit of the driver
-    driver_V_A: NotNegative = 20.0  # proportional gain Kp
-    driver_V_A_s: NotNegative = 2000.0  # integral gain Ki
+    driver_V_A: NotNegative = 20.0  # Kp: proportional gain of the current controller
+    driver_V_A_s: NotNegative = 2000.0  # Ki: integral gain of the current controller
     # field
     eddy_rise_s: Positive = 0.0045  # lag of the flux behind a rising current
     eddy_fall_s: Positive = 0.006  # lag of the flux behind a falling current
@@ -86,16 +86,16 @@ class LumpedDamper:
     position: NotNegative = 0.0  # relative increase of the yield force at x = 5 mm; proportional to x^2
     # viscous force
     viscous_N: NotNegative = 250.0  # Fv0: viscous force at the reference speed
-    viscous_m_s: Positive = 0.0314  # reference speed
-    viscous_exponent: Positive = 0.88  # nv: exponent of the speed
+    viscous_m_s: Positive = 0.0314  # reference speed of the viscous force
+    viscous_exponent: Positive = 0.88  # nv: exponent of the speed in the viscous force
     viscous_field: NotNegative = 0.15  # kvb: the field increases the viscous force by the factor 1 + kvb g
     viscosity_K: NotNegative = 404.0  # B of the temperature factor exp(B / (T - T0))
     viscosity_pole_K: Annotated[float, Option(least=0.0, most=200.0)] = 153.15  # T0; zero: Arrhenius law
     # friction
-    friction_N: NotNegative = 40.0  # Fc: sliding friction
+    friction_N: NotNegative = 40.0  # Fc: sliding friction force
     friction_static: NotNegative = 1.5  # static divided by sliding friction
     stribeck_m_s: Positive = 0.003  # vs: Stribeck velocity
-    friction_N_m: Positive = 4e5  # sf: stiffness before sliding
+    friction_N_m: Positive = 4e5  # sf: stiffness of the friction bristle before sliding
     friction_loss_per_K: NotNegative = 0.002  # fT: relative loss of friction per kelvin
     # spring, offset and compliance
     spring_N_m: NotNegative = 1500.0  # k1: stiffness of a parallel spring

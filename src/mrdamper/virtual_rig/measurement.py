@@ -28,7 +28,7 @@ class Truth:
     time: FloatArray  # [s]
     displacement: FloatArray  # [m]
     velocity: FloatArray  # [m/s]
-    force: FloatArray  # [N]
+    force: FloatArray  # force of the damper [N]
     coil_current: FloatArray  # [A]
     temperature_degC: FloatArray
 

@@ -57,8 +57,8 @@ SOLVER_STEP_S = 2e-5
 class PlantResponse:
     """Response of the damper in a run, one sample per time step, shape (n,)."""
 
-    force: FloatArray  # [N]
-    coil_current: FloatArray  # [A]
+    force: FloatArray  # force of the damper [N]
+    coil_current: FloatArray  # current in the coil [A]
     field: FloatArray  # effective current m [A] (lumped damper), or flux density [T] (hydraulic damper)
 
 
@@ -159,7 +159,7 @@ class Plant:
         current: ArrayLike,
         temperature_degC: ArrayLike,
     ) -> PlantResponse:
-        """Advance like ``advance_many``; return force, coil current and effective field."""
+        """Advance by one time step per sample; return force, coil current and effective field."""
         force, coil, field = self._run(displacement, velocity, current, temperature_degC, whole=True)
         return PlantResponse(force, coil, field)
 

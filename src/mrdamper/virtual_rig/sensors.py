@@ -54,7 +54,7 @@ class Sensors:
 
     @property
     def steps_per_sample(self) -> int:
-        """Number of plant steps per sample."""
+        """Number of time steps of the simulated damper per sensor sample."""
         return round(1.0 / (STEP_S * self.rate_Hz))
 
     def read(
@@ -65,7 +65,7 @@ class Sensors:
         noise: np.random.Generator,
         acceleration: FloatArray | None = None,
     ) -> Readings:
-        """Return the sensor signals for reference signals that have the time step of the plant.
+        """Return the sensor signals for exact signals that have the time step of the simulated damper.
 
         The first logged sample is the first sample of the reference signals. If the ``acceleration`` of the
         rod [m/s^2] is given, the inertia force of the mass at the force cell is added to the force.

@@ -1,1 +1,1 @@
-"""Tables of a controller, made from a card."""
+"""Tables of the damper model for controllers, made from a model card."""

@@ -54,7 +54,7 @@ CURVES = ("loading", "unloading", "unload_map", "reload_map", "reload_map_rest")
 SPEEDS = ("viscous", "sliding", "breakaway", "saturation")
 """Names of the lookup tables that are functions of speed, in the kernel's order."""
 
-LEVEL_ROW_COUNT = 6  # Only the first six rows can be levels (terms that do not depend on current).
+LEVEL_ROW_COUNT = 6  # Only the first six coefficients can have terms that do not depend on current.
 _GROUPS = (0, 6, 7, 8, 9)  # Index in ROWS at which each row group of the kernel begins.
 _PIECES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
 TERM_COUNT_MAX = 48  # the same value as MRD_TRACK_TERMS in the kernel
@@ -66,13 +66,13 @@ _SHAPES = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DamperTables:
-    """All tables of a damper with their axes."""
+    """Tables of the coefficients of a damper versus current and temperature, with their axes."""
 
     currents: FloatArray  # [A or V], rising from 0, denser where the force curve bends, shape (n,)
     temperatures: FloatArray  # ends of the equal pieces of the temperature range [K], shape (pieces + 1,)
-    rows: tuple[int, ...]  # index in ROWS of the row of each term; levels first, then by row
+    rows: tuple[int, ...]  # index in ROWS of each term; terms that do not depend on current are first
     factor: FloatArray  # coefficients of each term's parabolas in temperature, shape (pieces, terms, 3)
-    column: FloatArray  # functions of current of all terms that are not levels, shape (n, columns)
+    column: FloatArray  # functions of current of the terms that depend on current, shape (n, columns)
     elements: int
     saturating: bool
     curve: CurveTables
@@ -110,12 +110,12 @@ class DamperTables:
 
     @property
     def levels(self) -> int:
-        """Return the number of levels: terms that do not depend on current and have no column."""
+        """Return the number of table terms that do not depend on current (levels)."""
         return len(self.rows) - int(self.column.shape[1])
 
     @property
     def begin(self) -> tuple[int, ...]:
-        """Return the index of the first column of each row group. The last item is the number of columns."""
+        """Return the first column of each group of coefficients, and at the end the number of columns."""
         of_columns = self.rows[self.levels :]
         return tuple(sum(row < first for row in of_columns) for first in (*_GROUPS, len(ROWS)))
 
@@ -137,7 +137,7 @@ class DamperTables:
         return np.stack([row[6] + row[7] for row in rows])
 
     def evaluate(self, kelvin: float) -> FloatArray:
-        """Return all rows at all currents for one temperature, as the kernel computes them, shape (10, n)."""
+        """Return all ten coefficients (rows) at all currents for one temperature as in C, shape (10, n)."""
         low, high, pieces = self.temperatures[0], self.temperatures[-1], len(self.factor)
         fraction = (kelvin - low) / (high - low) if high > low else 0.0
         place = float(np.clip(fraction, 0.0, 1.0)) * pieces
@@ -247,7 +247,7 @@ def _coefficients(damper: Damper, at: FloatArray, warm: FloatArray) -> dict[str,
 
 
 def _rows(values: dict[str, FloatArray]) -> FloatArray:
-    """Arrange coefficients of shape (t, n) in the order of ``ROWS``; return them with shape (10, t, n)."""
+    """Return coefficients of shape (t, n) in the order of ``ROWS`` as one array of shape (10, t, n)."""
     zero = np.zeros_like(values["offset"])
     second = values.get("second_force", values.get("rate_force", zero))
     names = (
@@ -258,7 +258,7 @@ def _rows(values: dict[str, FloatArray]) -> FloatArray:
 
 
 def _scales(rows: FloatArray) -> FloatArray:
-    """Return the scale of each row. Tolerances are relative to these scales.
+    """Return the scale of each coefficient (row). Tolerances are relative to these scales.
 
     The scale of a force is the largest yield force, or the force at a low speed if this is larger. The reason
     is that a passive damper may have no yield force. Stiffness and mass are converted to forces with a stroke
@@ -314,12 +314,12 @@ def _current_fractions(
 
 
 def _terms(rows: FloatArray, scale: FloatArray) -> tuple[tuple[int, ...], FloatArray, FloatArray, int]:
-    """Decompose the rows into terms; return row, factor and column of each term, and the piece count.
+    """Decompose coefficients into terms; return row, factor and column of each term, and the piece count.
 
-    Each row is a matrix whose axes are temperature and current. It is decomposed by cross approximation: the
-    first term is the rank-one matrix that equals the row at the temperature and at the current of the row's
-    largest entry. The remainder is decomposed in the same way. The piece count is the number of pieces of the
-    temperature axis.
+    Each row is a coefficient: a matrix whose axes are temperature and current. It is decomposed by cross
+    approximation: the first term is the rank-one matrix that equals the row at the temperature and at the
+    current of the row's largest entry. The remainder is decomposed in the same way. The piece count is the
+    number of pieces of the temperature axis.
     """
     levels: list[tuple[int, FloatArray]] = []
     columns: list[tuple[int, FloatArray, FloatArray]] = []
@@ -363,7 +363,10 @@ def _parabolas(values: FloatArray, pieces: int) -> FloatArray:
 
 
 def _parabola_values(cells: FloatArray, count: int) -> FloatArray:
-    """Return the values of parabolas at evenly spaced points, shape (terms, count)."""
+    """Evaluate the piecewise parabolas of each term at ``count`` evenly spaced points over all pieces.
+
+    ``cells`` has shape (terms, pieces, 3), the result (terms, count).
+    """
     place = np.linspace(0.0, cells.shape[1], count)
     piece = np.minimum(place.astype(np.intp), cells.shape[1] - 1)
     fraction = place - piece

@@ -136,16 +136,16 @@ def _error(table: LookupTable, value: _Function, weight: _Function, end: float, 
 class CurveTables:
     """Tables of the two branches, loading and unloading, of the universal hysteresis curve w(travel).
 
-    Both branches start at w = 0. After a reversal at w, the motion continues at -w on the other branch. Each
-    map converts the position (travel) on one branch to the position on the other branch. Both positions are
-    absolute values.
+    Both branches start at w = 0. After a reversal at w, the motion continues at -w on the other branch.
+    ``unload_map`` and ``reload_map`` convert the position (travel) on one branch to the position on the other
+    branch. All positions are absolute values.
     """
 
     unloaded: float  # travel of the unloading branch from w = -1 to 0
     loading: LookupTable  # |w| versus travel on the loading branch
     unloading: LookupTable  # |w| versus travel on the unloading branch
     unload_map: LookupTable  # position on the unloading branch versus position on the loading branch
-    reload_map: LookupTable  # inverse of ``unload_map`` for the first half of the travel
+    reload_map: LookupTable  # inverse of ``unload_map`` in the first half of the travel
     reload_map_rest: LookupTable  # inverse of ``unload_map`` for the second half, versus the remaining travel
 
 
@@ -191,7 +191,7 @@ class _Branches:
         return np.asarray(1.0 - self.kappa * np.minimum(self.unload(tau), 1.0) ** self.n)
 
     def reload(self, tau: FloatArray) -> FloatArray:
-        """Return the position on the loading branch with the same u as on the unloading branch."""
+        """Return the positions on the loading branch with the same u as ``tau`` on the unloading branch."""
         return self.to_loading(self.unload(tau))
 
     def reload_slope(self, tau: FloatArray) -> FloatArray:
@@ -199,7 +199,7 @@ class _Branches:
 
 
 def _sample_branches(kappa: float, n: float) -> _Branches:
-    """Return the two branches of the curve with their samples."""
+    """Return loading and unloading branch of the universal curve, with samples of both."""
     end = 26.0 / n + 2.0
     dense = end * np.sinh(np.linspace(0.0, 14.0, 40_001)) / math.sinh(14.0)
     up, down = (np.maximum.accumulate(np.abs(core.curve(kappa, n, side * dense)[0])) for side in (1.0, -1.0))
@@ -261,9 +261,9 @@ def universal_curve(kappa: float, n: float) -> CurveTables:
 class SpeedTables:
     """Functions of the speed [m/s] that multiply forces."""
 
-    viscous: LookupTable  # factor on the viscosity [m/s]
-    sliding: LookupTable  # factor on the kinetic friction
-    breakaway: LookupTable  # factor on the breakaway friction
+    viscous: LookupTable  # viscous force / viscosity [m/s]
+    sliding: LookupTable  # factor on the kinetic friction force
+    breakaway: LookupTable  # factor on the breakaway friction force
     saturation: LookupTable  # factor on a yield force that saturates with speed or has no memory
 
 
@@ -281,7 +281,7 @@ def functions_of_speed(
 
     Parameters
     ----------
-    present : names of the rows of the law; only viscous, sliding and breakaway are used
+    present : names of the coefficients of the law; only viscous, sliding and breakaway are used
     shape : values of the law's exponent and velocities, by coefficient name
     saturating : True if a yield force saturates with speed
     memoryless : True if the yield force follows the sign of the velocity

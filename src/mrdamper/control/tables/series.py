@@ -1,4 +1,4 @@
-"""Tables of series valve and chain for ``core/kernel/track_series.h`` and ``track_chain.h``.
+"""Tables of the laws ``series-valve`` and ``chain`` for the controllers in C.
 
 There are four kinds of tables: the yield force on an even grid of commands and temperatures, the other
 coefficients versus temperature, powers of speed, and the functions tanh u and exp(-u^2). The last two are
@@ -91,7 +91,7 @@ class Power:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeriesTables:
-    """The tables of a series valve or a chain."""
+    """The tables of a damper with the law ``series-valve`` or ``chain``."""
 
     yield_force: FloatArray  # values of ``PLANES``, shape (1 or planes, temperatures, COMMAND_COUNT)
     # Coefficients in the order of ``CHAIN`` and ``OF_CHAIN``, shape (temperatures, n). Coefficients in
@@ -125,14 +125,14 @@ class SeriesTables:
 
     @property
     def is_chain(self) -> bool:
-        """Return True for the tables of a chain."""
+        """Return True if the law is ``chain``, and False for ``series-valve``."""
         return len(self.yield_force) == len(PLANES)
 
 
 def tabulate_series(
     damper: Damper, largest: float, temperatures: tuple[float, float]
 ) -> tuple[SeriesTables, FloatArray]:
-    """Return the tables of a series valve or chain, and the temperatures at which they are tabulated [K].
+    """Return the tables of a damper with ``series-valve`` or ``chain``, and their temperatures [K].
 
     Parameters
     ----------

@@ -44,14 +44,14 @@ _FOLLOW_SHARE = "follow_share"
 
 @dataclass(frozen=True, slots=True)
 class ActuationFit:
-    """An identified actuation with standard errors, response times and force errors."""
+    """Fitted delay and lags between command and force, with standard errors and response times."""
 
     actuation: Actuation
-    standard_errors: dict[str, float]  # key: field of the actuation; NaN if not determined by the runs
+    standard_errors: dict[str, float]  # by field of ``actuation``; NaN if not determined by the runs
     t63_s: float  # time to 63 % of the change of force after an upward step of the command
     t90_s: float  # time to 90 % of the change of the effective command (after the lags), for an upward step
-    rmse_N: float  # RMS force error with the actuation
-    unlagged_rmse_N: float  # RMS force error without an actuation
+    rmse_N: float  # RMS force error if delay and lags are simulated
+    unlagged_rmse_N: float  # RMS force error if the force follows the command without delay
     t63_fall_s: float  # time to 63 % of the change of force after a downward step; NaN without such a step
     t63_error_s: float  # standard error of t63_s
     t63_fall_error_s: float  # standard error of t63_fall_s
@@ -87,7 +87,9 @@ def fit_actuation(
     start: Damper | None = None,
     settings: ActuationSettings = DEFAULT_SETTINGS,
 ) -> tuple[Damper, ActuationFit]:
-    """Fit an actuation to runs with a changing command; return the damper with the actuation, and the fit.
+    """Fit delay and lags between command and force; return the damper with them, and the fit.
+
+    The runs need a changing command.
 
     If the law has the coefficient ``follow_share``, a pattern search fits this fraction of the force. The
     lags are fitted for each trial value of the fraction.
@@ -95,8 +97,8 @@ def fit_actuation(
     Parameters
     ----------
     damper : damper fitted to runs with constant command; its law does not change
-    start : damper with a fitted actuation, where the search starts (its law may have other terms); None: the
-        search starts from the better of the fractions 0 and 1
+    start : damper with fitted delay and lags, where the search starts (its law may have other
+        terms). None: the search starts from the better of the fractions 0 and 1
 
     Raises
     ------
@@ -136,7 +138,7 @@ def fit_actuation(
 def force_rmse_N(
     still: Damper, lags: Actuation | None, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> float:
-    """Return the RMS force error [N] of a damper with the actuation ``lags`` over all scored samples."""
+    """Return the RMS force error [N] of a damper with delay and lags ``lags`` over all scored samples."""
     forces = LaggedForces(still, runs, settings.run_oversampling).forces_at_lags(lags or Actuation(0.0, 0.0))
     scored = zip(runs, forces, strict=True)
     return rms(np.concatenate([(force - run.force)[run.scored_from :] for run, force in scored]))

@@ -24,7 +24,7 @@ from mrdamper.models.simulate import simulate
 def fit_hysteresis_at_levels(
     damper: Damper, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> tuple[float, float]:
-    """Return the half width of the loop [A or V] and its standard error, from runs with held commands.
+    """Return half width and standard error of the magnetic hysteresis [A or V] from runs with held commands.
 
     Return 0 and NaN if no run has suitable samples. Overshoot hides a part of the hysteresis in some runs.
     Therefore the run with the largest lower confidence limit is the reference. The half width is the average
@@ -43,7 +43,7 @@ def fit_hysteresis_at_levels(
 def _half_width(
     effect_squares: float, products: float, error_squares: float, freedom: float
 ) -> tuple[float, float]:
-    """Return the half width of the loop [A or V] and its standard error from the sums of the regression."""
+    """Return half width and standard error of the magnetic hysteresis [A or V] from regression sums."""
     half_width = products / effect_squares
     residual = max(error_squares - half_width * products, 0.0)
     return float(half_width), float(np.sqrt(residual / max(freedom - 1, 1) / effect_squares))
@@ -52,7 +52,7 @@ def _half_width(
 def fit_hysteresis_over_runs(
     still: Damper, lags: Actuation, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> tuple[float, float]:
-    """Fit the half width of the loop to whole runs; return the half width and its error [A or V]."""
+    """Fit the half width of the magnetic hysteresis to whole runs; return it with its error [A or V]."""
     largest = largest_command(runs)
     start = replace(lags, hysteresis_width_A=min(max(lags.hysteresis_width_A, 1e-3 * largest), 0.5 * largest))
     fit = fit_over_runs(still, runs, start, ("hysteresis_width_A",), settings)

@@ -1,4 +1,4 @@
-"""Fit an actuation by least squares: its lags to step responses, or any of its parameters to whole runs."""
+"""Fit an actuation (delay and lags between command and force) to step responses or to whole runs."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class SearchParameter(NamedTuple):
 
 
 class ParameterFit(NamedTuple):
-    """Result of a least-squares fit of an actuation."""
+    """Result of a least-squares fit of delay and lags between command and force."""
 
     actuation: Actuation
     standard_errors: dict[str, float]  # key: name of the fitted parameter; NaN on a bound
@@ -54,7 +54,7 @@ class ParameterFit(NamedTuple):
 
 
 class LaggedForces:
-    """Simulate the forces of several runs for trial actuations. Commands are constant between samples."""
+    """Simulate the forces of runs for trial values of delay and lags; commands are steps at samples."""
 
     def __init__(self, still: Damper, runs: Sequence[PreparedRun], oversampling: int) -> None:
         self._still, self._oversampling = still, oversampling
@@ -77,7 +77,7 @@ class LaggedForces:
         ]
 
     def forces_at_lags(self, lags: Actuation) -> list[FloatArray]:
-        """Return the force [N] of each run with the given actuation."""
+        """Return the force [N] of each run with the given delay and lags of the command."""
         return self.forces_at_commands(self.lag_commands(lags))
 
 
@@ -87,7 +87,7 @@ def largest_command(runs: Sequence[PreparedRun]) -> float:
 
 
 def search_parameter(name: str, command_max: float, settings: ActuationSettings) -> SearchParameter:
-    """Return bounds, scale and margin of the actuation parameter ``name`` in the search."""
+    """Return bounds, scale and margin of the delay or lag parameter ``name`` in the search."""
     if name in ("hysteresis_width_A", "wide_hysteresis_width_A"):
         return SearchParameter(0.0, command_max, 0.02 * command_max, is_log=False)
     if name == "saturation":
@@ -108,7 +108,9 @@ def fit_parameters(
     settings: ActuationSettings,
     evaluation_count_max: int | None = None,
 ) -> ParameterFit:
-    """Fit some parameters of an actuation by nonlinear least squares; the other parameters stay constant.
+    """Fit the named parameters of an actuation (delay and lags of the force) by nonlinear least squares.
+
+    All other parameters keep their values in ``start``.
 
     The force of the law follows the effective command almost without delay. Therefore the derivative of the
     force with respect to a parameter is approximated by the chain rule: the derivative with respect to the
@@ -195,7 +197,7 @@ def fit_over_runs(
     settings: ActuationSettings,
     evaluation_count_max: int | None = None,
 ) -> ParameterFit:
-    """Fit some parameters of an actuation to the force over whole runs."""
+    """Fit the named parameters of the delay and lags between command and force to whole runs."""
     lagged = LaggedForces(still, runs, settings.run_oversampling)
     residual = run_residual(runs)
     return fit_parameters(lagged, residual, start, parameter_names, settings, evaluation_count_max)

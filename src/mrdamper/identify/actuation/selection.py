@@ -1,4 +1,4 @@
-"""Choose by cross-validation if an actuation needs saturation, a second hysteresis loop or free-wheeling.
+"""Choose by cross-validation if the delay model needs saturation, a second loop or free-wheeling.
 
 The hysteresis loops of a saturating core have more than one width. A driver with one quadrant cannot force
 the current down, so that the current free-wheels through the coil. The speed of this decay depends on the
@@ -43,7 +43,7 @@ def refine_actuation(
     runs: Sequence[PreparedRun],
     settings: ActuationSettings = DEFAULT_SETTINGS,
 ) -> tuple[Damper, ActuationFit]:
-    """Add core saturation, a second loop or free-wheeling if the runs show them; return damper and fit.
+    """Add core saturation, second hysteresis loop or free-wheeling if needed; return damper and fit.
 
     Without evidence of these effects, damper and fit are returned unchanged. Step responses that indicate a
     driver with one quadrant are evidence. Otherwise all parameters and the simple form are fitted briefly to
@@ -98,7 +98,7 @@ def refine_actuation(
 def initial_actuation(
     fit: ActuationFit, form: Form, largest: float, settings: ActuationSettings
 ) -> Actuation:
-    """Return the start values for the fit of a form, derived from the fit of the simple form.
+    """Return start values for a fit of the parameters in ``form``, from the fit with fewest parameters.
 
     ``largest`` is the largest magnitude of the command [A or V].
     """

@@ -1,4 +1,4 @@
-"""Settings of the identification of an actuation."""
+"""Settings of the identification of the actuation (delay and lags between command and force)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ActuationSettings:
-    """Limits and thresholds for identifying an actuation.
+    """Limits and thresholds for identifying delay and lags between command and force.
 
     *Error* means the sum of the squared force errors. The thresholds that decide about saturation, hysteresis
     loops and free-wheeling were tuned on randomised virtual dampers with even seeds.
@@ -22,15 +22,15 @@ class ActuationSettings:
     response_duration_min_s: float = 0.04  # A shorter response is ignored because it may not reach 63 %.
     response_duration_max_s: float = 0.15
     response_force_min: float = 0.03  # min change of force in a step / largest force of the run
-    change_force_min: float = 0.003  # min change of force in a usable run / largest force of all runs
+    change_force_min: float = 0.003  # min change of force for a run to be used / largest force of all runs
     # Samples near a reversal are ignored because laws have larger errors there. Unit: stroke of the run
     stroke_after_reversal_min: float = 0.15
     stroke_before_reversal_min: float = 0.03
     level_sample_count_min: int = 20  # min settled samples at one command and one direction of motion
     # A line is fitted to this range of a step response. The response time is where the line crosses 63 %.
     crossing_fit_range: tuple[float, float] = (0.5, 0.77)
-    map_error: float = 0.06  # relative standard error of a response time due to errors of the force maps
-    # The driver is one-quadrant if steps to zero take this many times as long as other steps.
+    map_error: float = 0.06  # relative standard error of a response time due to errors of the settled force
+    # The driver cannot force the current down if steps to zero take this many times as long as other steps.
     free_wheeling_time_ratio: float = 1.4
 
     # Search for delay and lags
@@ -41,12 +41,12 @@ class ActuationSettings:
     tolerance: float = 1e-4  # The search ends if lags and error change relatively by less than this.
     # Integration steps of the lags per sample interval. In step responses, the exact time of a command step
     # is more important than in whole runs.
-    oversampling: int = 16  # steps for step responses
-    run_oversampling: int = 4  # steps for whole runs
+    oversampling: int = 16  # integration steps in a fit to step responses
+    run_oversampling: int = 4  # integration steps in a fit to whole runs
     time_correction_count: int = 3  # number of corrections of rise and fall times by measured response times
     follow_share_step: float = 0.25  # first step of the pattern search for ``follow_share``
     follow_share_step_min: float = 0.05  # A smaller step ends the pattern search.
-    hysteresis_agreement: float = 2.0  # Only loop widths within this number of standard errors are averaged.
+    hysteresis_agreement: float = 2.0  # Hysteresis widths within this number of standard errors are averaged.
 
     # Search for all parameters over whole runs. Currents are divided by the largest command.
     saturation_min: float = 0.05
@@ -60,11 +60,11 @@ class ActuationSettings:
     evaluation_count_max: int = 20  # max function evaluations in the final fit
     short_evaluation_count_max: int = 6  # max function evaluations in each fit during the cross-validation
 
-    # Error ratios that decide between variants of the actuation: saturation, hysteresis loops, free-wheeling
+    # Error ratios that decide between models of delay and lags: saturation, hysteresis loops, free-wheeling
     # The simplest variant is kept unless the error with all parameters / its error is smaller than this.
     saturation_ratio_max: float = 0.95
     one_loop_ratio: float = 0.98  # factor on the error of variants with a single loop, which are preferred
-    # The driver is one-quadrant if free-wheeling reduces the error to less than this fraction.
+    # The driver cannot force the current down if free-wheeling reduces the error below this fraction.
     free_wheeling_ratio_max: float = 0.7
 
 

@@ -29,14 +29,14 @@ STEP_FRACTION = 1.0 - math.exp(-1.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StepResponse:
-    """Response to one step of the command. Arrays have one value per sample of the window after the step."""
+    """Response to one step of the command. Arrays have one value per sample in ``window``."""
 
     window: slice  # samples after the step
-    fraction: FloatArray  # measured step response [-]
-    size_N: FloatArray  # force difference between the maps of the two levels
+    fraction: FloatArray  # measured step response [-]: 0 before the step, 1 when the force has settled
+    size_N: FloatArray  # settled force after the step minus settled force before the step
     law_before_N: FloatArray  # force of the law at the command before the step
     law_after_N: FloatArray  # force of the law at the command after the step
-    levels: tuple[int, int]  # numbers of the levels before and after the step; 0 is a command of zero
+    levels: tuple[int, int]  # numbers of the held commands before and after the step; 0 is a zero command
     upwards: bool  # the magnitude of the command increases
     time_s: float  # measured time to 63 % of the step; NaN if 63 % is not reached
 
@@ -47,16 +47,16 @@ class StepResponse:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SteppedRun:
-    """A run and the responses to its command steps."""
+    """A run and the force responses to its command steps."""
 
     run: PreparedRun
     responses: tuple[StepResponse, ...]
 
 
 def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationSettings) -> SteppedRun | None:
-    """Return a run with the responses to its command steps; None if the run has no usable step.
+    """Return a run with the force responses to its command steps; None if the run has no usable step.
 
-    A step is usable if it satisfies three conditions. Both levels have enough settled samples in the
+    A step is usable if it satisfies three conditions. Both held commands have enough settled samples in the
     direction of motion at the step. The motion continues in this direction. The step changes the force.
     """
     path, step_s = run.trajectory, run.trajectory.step
@@ -79,7 +79,7 @@ def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationS
     force_min_N = settings.response_force_min * float(np.abs(run.force).max())
 
     def map_at(k: int, first: int) -> FloatArray | None:
-        """Return the force map [N] of the k-th level for the direction of motion at sample ``first``."""
+        """Return the settled force [N] at the k-th held command, for the motion direction at ``first``."""
         samples = settled & (np.array(levels)[segment] == levels[k]) & (direction == direction[first])
         if np.count_nonzero(samples) < settings.level_sample_count_min:
             return None
@@ -148,9 +148,9 @@ def model_times(
 def _map_force(
     run: PreparedRun, law_force: FloatArray, samples: BoolArray, from_above: BoolArray, weight: float
 ) -> FloatArray:
-    """Return the settled force [N] at one level and one direction of motion, for every sample of a run.
+    """Return the settled force [N] at one held command and direction of motion, for every sample of a run.
 
-    ``samples`` selects the settled samples for the regression. A level that was reached from above
+    ``samples`` selects the settled samples for the regression. A command that was reached from above
     (``weight`` 1) gets an additional offset, because the core has hysteresis.
     """
     x = run.trajectory.displacement / np.abs(run.trajectory.displacement).max()
@@ -207,9 +207,9 @@ def mean_response_times(steps: Sequence[StepResponse], settings: ActuationSettin
 def mean_time(times: Sequence[tuple[tuple[int, int], float]], relative_error: float = 0.0) -> MeanTime:
     """Return the mean response time [s] of steps, and the standard error of this mean.
 
-    ``times`` has the levels and the response time of each step. Each combination of levels has the same
-    weight. The standard error has a random and a systematic part. The random part is the scatter between
-    combinations of levels, but at least the scatter of repeated steps. The systematic part is
+    ``times`` has the commands before and after each step (as numbers) and its response time. Each pair of
+    commands has the same weight. The standard error has a random and a systematic part. The random part is
+    the scatter between pairs of commands, but at least the scatter of repeated steps. The systematic part is
     ``relative_error`` times the mean.
     """
     if not times:
@@ -228,7 +228,7 @@ def mean_time(times: Sequence[tuple[tuple[int, int], float]], relative_error: fl
 
 
 def driver_quadrants(steps: Sequence[StepResponse], up_s: float, ratio: float) -> int | None:
-    """Return the number of driver quadrants: 1 if steps to zero take much longer than other steps, else 2.
+    """Return the quadrants of the current driver: 1 if steps to zero take much longer than others, else 2.
 
     Return None if the runs lack steps up, steps to zero, or steps down to another value. A driver with one
     quadrant cannot force the current down. The current free-wheels with the time constant of the coil. A step

@@ -46,7 +46,7 @@ class HeldOutError:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RefittedFolds:
-    """Refitted dampers, each fitted without one fold, and the errors of each damper on the omitted fold."""
+    """Dampers refitted without one fold (group of runs) each, and their errors on the omitted fold."""
 
     kind: LeftOut  # what each fold holds out: motions, currents or time blocks
     dampers: tuple[Damper, ...]  # one damper for each fold
@@ -189,7 +189,7 @@ def with_errors_between_motions(
 def _motion_distances(
     runs: Sequence[PreparedRun], folds: Sequence[Fold]
 ) -> tuple[tuple[MotionSize, ...], float]:
-    """Return the sizes of all motions, and the mean distance of a run to the nearest run in other folds."""
+    """Return the sizes of all motions, and the mean distance of a run to the nearest run outside its fold."""
     sizes = [MotionSize.from_motion(run.trajectory) for run in runs]
     distances = [
         sizes[k].distance([size for j, size in enumerate(sizes) if j not in fold.runs])

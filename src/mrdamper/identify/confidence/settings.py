@@ -1,4 +1,4 @@
-"""Settings of the force band, of the standard errors and of the proposed tests."""
+"""Settings of the force band (expected force error), the standard errors and the proposed tests."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ class ConfidenceSettings:
     even seeds. The table in ``docs/uncertainty.md`` shows the coverage on other runs.
     """
 
-    refit_steps: int = 2  # steps of a refit without a fold; four steps change the band by 2 %
+    refit_steps: int = 2  # search steps of each refit in a cross-validation; four change the band by 2 %
     band_coverage: float = 0.9  # fraction of the samples inside the band
-    # The following two ratios define the shape of a band with factor one.
+    # The following two ratios define the shape of the force band before its width is scaled.
     band_run_ratio: float = 0.15  # half width at zero force, divided by the rms force of the run
     band_base_ratio: float = 0.1  # half width of a run with a small force, divided by the median rms force
-    band_spread: float = 0.4  # number of standard deviations (over folds) added to the mean quantile
+    band_spread: float = 0.4  # standard deviations between folds that are added to the mean width of the band
     # Relative increase of the width per unit of additional distance (factor e in size or speed of the
     # motion).
     band_widening: float = 1.5

@@ -34,9 +34,9 @@ WINDOW_SETTINGS = FitSettings(rate_Hz=400.0, samples_per_period=math.inf)
 class Effect:
     """Estimated size of one cause, and the part of the residual that the cause explains."""
 
-    size: float  # [unit of the cause]
+    size: float  # estimated size [unit of the cause]
     standard_error: float  # [unit of the cause], estimated from the unexplained residual
-    level: float  # rms of the explained residual, divided by the standard deviation of the force
+    level: float  # rms of the explained residual / standard deviation of the force
     fraction: float  # explained fraction of the mean squared residual
 
 

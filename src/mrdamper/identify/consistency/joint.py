@@ -81,7 +81,7 @@ def joint_fit(
 
 
 def _prepared(runs: Sequence[Recording]) -> list[RigRun]:
-    """Return the runs that can be prepared. The diagnosis of single runs reports all other runs."""
+    """Return the valid runs, prepared for a fit. The diagnosis of single runs reports the invalid runs."""
     sound: list[RigRun] = []
     for run in runs:
         try:

@@ -21,10 +21,10 @@ class ConsistencySettings:
     # Deviations below this fraction of the worst run's deviation are ignored, because the worst run distorts
     # the fit and therefore the residuals of all runs.
     worst_ratio_min: float = 0.5
-    unfitted_ratio_min: float = 1.8  # factor on all thresholds for a run that was not fitted
+    unfitted_ratio_min: float = 1.8  # factor on all thresholds of a run that was omitted from the fit
     suspect_ratio_min: float = 0.8  # factor on all thresholds for a suspect run, which a second fit omits
     suspect_level_ratio_min: float = 1.6  # min residual of a suspect run, divided by the typical residual
-    peer_count_min: int = 3  # min number of runs for a typical residual at one command, and in a group
+    peer_count_min: int = 3  # min number of runs with the same command to compute their typical residual
     level_ratio_max: float = 3.0  # max typical residual at one command, divided by the median over all runs
     spare_run_count_min: int = 5  # min number of runs minus number of regression coefficients
     scatter_run_count_min: int = 12  # min number of runs at one command for a separate estimate of scatter
@@ -43,7 +43,8 @@ class ConsistencySettings:
     group_delay_min_s: float = 4e-3
     common_fraction_min: float = 0.015  # min fraction of the mean squared residual that a delay explains
     filter_ratio_min: float = 1.1  # A filter has to explain this many times as much as a delay.
-    # If one run explains more than this fraction of an effect in all runs, only this run is reported.
+    # An effect that was estimated for all runs is not reported if a single run alone has more than this
+    # fraction of the effect (RMS). Then only this run is reported.
     single_run_ratio_min: float = 0.9
     error_ratio_max: float = 2.5  # max standard error of a compared run, divided by the median of all runs
     second_cause_ratio_min: float = 0.5  # min fraction explained by a second cause / by the best cause

@@ -79,7 +79,7 @@ class Descents:
         self.done = self.converged | (self.costs > cost_max)
 
     def advance(self) -> BoolArray:
-        """Make one trial step of every unfinished descent; return which descents accepted it."""
+        """Make one trial step of every unfinished descent; return True for each descent that accepted it."""
         accepted = np.zeros(len(self.done), dtype=np.bool_)
         k = np.flatnonzero(~self.done)
         step, gain = self._steps(k)
@@ -101,7 +101,7 @@ class Descents:
         return accepted
 
     def _steps(self, k: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-        """Return the next steps of the descents ``k``, and the expected decreases of their costs."""
+        """Return the next steps of the descents ``k``, and the expected decrease of the cost in each step."""
         points, hessian, gradient = self.points[k], self.hessians[k], self._gradients[k]
         low = np.minimum(np.maximum(self._box.low - points, -self._step_max), 0.0)
         high = np.maximum(np.minimum(self._box.high - points, self._step_max), 0.0)
@@ -136,7 +136,7 @@ class Descents:
         self._refine(k[is_inaccurate])
 
     def _refine(self, k: NDArray[np.intp]) -> None:
-        """Recompute the tangents with the best linear parameters of the last evaluation."""
+        """Recompute the force derivatives with the best linear parameters of the last evaluation."""
         if len(k):
             values = self._box.to_physical(self.points[k])
             self._set_model(k, self._objective.sums(values, self.linear[k]))
@@ -156,7 +156,7 @@ class Descents:
         return np.asarray(~(below | above))
 
     def _fail(self, k: NDArray[np.intp], give_up: Callable[[NDArray[np.intp]], None]) -> None:
-        """After failed steps, refine inaccurate tangents; call ``give_up`` if the tangents are accurate.
+        """After failed steps, recompute inaccurate force derivatives; call ``give_up`` if they are accurate.
 
         ``give_up`` shortens the step or ends the descent.
         """

@@ -21,10 +21,10 @@ from mrdamper.models.tangents import Tangents
 
 
 class GramSums:
-    """Weighted Gram matrices of the residual and of the tangents of the force.
+    """Weighted Gram matrices of the residual and of the force derivatives (tangents).
 
     A tangent is the derivative of the force with respect to one of the ``wanted`` parameters. The ``varying``
-    parameters differ between candidates. All other parameters have the values of the damper.
+    parameters differ between candidates (parameter sets). All other parameters have the values of the damper.
     The rows of a matrix are the wanted parameters, followed by the residual.
     """
 

@@ -48,7 +48,7 @@ class Box:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Eliminated:
-    """Candidates with their best linear parameters. The first axis of each array counts the candidates.
+    """Candidates (parameter sets) with their best linear parameters; the first array axis counts them.
 
     The rows of ``gram`` are the nonlinear parameters, the linear parameters and the residual. The tangents
     are computed with the initial guess of the linear parameters, and the residual with the best linear
@@ -62,7 +62,7 @@ class Eliminated:
 
 
 class Objective:
-    """Cost of a fit problem on windows of the runs, after elimination of the linear parameters."""
+    """Cost of a fit problem on windows (sections) of the runs, with the best linear parameters."""
 
     def __init__(self, problem: FitProblem, runs: Sequence[FitWindow]) -> None:
         self.problem = problem
@@ -96,14 +96,14 @@ class Objective:
         return self.problem.template.with_parameters(dict(zip(names, values, strict=True)))
 
     def costs_of(self, dampers: Sequence[Damper]) -> FloatArray:
-        """Return the cost [%^2] of each damper with its best linear parameters; infinite if not finite."""
+        """Return the cost [%^2] of each damper with the best linear parameters; infinite if it diverges."""
         points, linear = self.points_of(dampers)
         return self.eliminate(self.box.to_physical(points), linear, tangents=False).cost
 
     def eliminate(
         self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True, is_repeated: bool = False
     ) -> Eliminated:
-        """Return candidates with their best linear parameters, starting from the guess ``linear``.
+        """Return parameter sets with their best linear parameters, starting from the guess ``linear``.
 
         If ``tangents`` is False, no Gram matrix is returned. A cost is the difference of two sums, which are
         about as large as the cost of the guess. If rounding errors dominate this difference, the elimination
@@ -139,7 +139,7 @@ class Objective:
         return Eliminated(cost, present, g if tangents else None, drift)
 
     def sums(self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True) -> FloatArray:
-        """Return the Gram matrices of candidates.
+        """Return the Gram matrices of candidates (parameter sets).
 
         If ``tangents`` is False, the matrices contain only the linear parameters and the residual.
         """

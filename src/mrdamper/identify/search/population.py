@@ -24,7 +24,7 @@ from mrdamper.runtime.progress import Progress, silent
 
 
 class Ensemble:
-    """Evaluates the cost of many candidates in one call. The search coordinates are scaled to 0 to 1."""
+    """Cost of many parameter sets (candidates) in one call; coordinates are scaled to 0 to 1."""
 
     def __init__(self, problem: FitProblem) -> None:
         self.problem = problem

@@ -9,10 +9,10 @@ The derivative of the reduced problem is Kaufman's approximation: the tangents o
 orthogonal complement of the linear columns. A law without linear parameters uses the same algorithm without
 elimination. ``objective`` contains the elimination, ``descent`` the steps, and this module the starts:
 
-1. Compare random points (a Latin hypercube) on the screening windows. Start short descents from the best
+1. Compare random points (a Latin hypercube) on a few windows of the runs. Start short descents from the best
    points.
-2. Compare the ends of these descents and all given dampers on all runs. Start descents with a few steps from
-   the best dampers that differ.
+2. Compare the results of these descents and all given dampers on all runs. Start descents with a few steps
+   from the best of them, but from only one of several with nearly equal costs.
 3. Continue the best descent until it converges.
 
 Method: Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432; Kaufman, BIT 15 (1975) 49-57.
@@ -41,7 +41,7 @@ from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
 @dataclass(frozen=True, slots=True)
 class SearchState:
-    """State of a search after a step, reported as the ``detail`` of the progress."""
+    """State of a parameter search after a step, reported as ``detail`` of a progress message."""
 
     method: str
     start: int
@@ -76,7 +76,7 @@ def fit_variable_projection(
     Parameters
     ----------
     starts : number of random starts, each with several points of a Latin hypercube
-    windows : windows to fit; None: all runs
+    windows : sections of runs to fit; None: all runs
     on_progress : receives a ``SearchState`` after every accepted step
     """
     windows = problem.windows() if windows is None else tuple(windows)
@@ -128,7 +128,7 @@ def _descend(
     ends: list[Descents],
     on_progress: Progress,
 ) -> None:
-    """Descend from the best dampers that differ, then continue the best descent until it converges.
+    """Make short descents from the best dampers, then continue the best descent until it converges.
 
     Each descent is added to ``ends``, so that its result is available after an interrupt.
     """
@@ -157,9 +157,9 @@ def _descend(
 
 
 def random_start(problem: FitProblem, index: int, windows: Sequence[FitWindow]) -> list[Damper]:
-    """Descend from the best of many random points on the screening windows; return the ends, best first.
+    """Make descents from the best of many random points; return the resulting dampers, best first.
 
-    ``index`` is the number of the start and selects the random points.
+    ``index`` selects the random points. Costs are computed on ``windows``, a small part of the runs.
     """
     if not problem.nonlinear:
         return [problem.template]
@@ -173,7 +173,7 @@ def thorough_starts(
     search_windows: Sequence[FitWindow],
     pool: Pool = ONE_CORE,
 ) -> list[Damper]:
-    """Search for local minima of the cost on ``windows``; return the different minima, best first.
+    """Search for local minima of the cost on ``windows``; return dampers at different minima, best first.
 
     The minima are found on ``search_windows``, which can be a part of ``windows``. Descents on ``windows``
     then start from the best of them.
@@ -226,7 +226,7 @@ def thorough_starts(
 
 
 def random_dampers(problem: FitProblem, index: int) -> list[Damper]:
-    """Return copies of the template whose nonlinear parameters are the points of a Latin hypercube."""
+    """Return copies of the damper whose nonlinear parameters are the points of a Latin hypercube."""
     settings = problem.settings
     count = min(settings.draw_count_max, settings.draws_per_parameter * max(len(problem.nonlinear), 2))
     if problem.template.law.kernel is None:
@@ -241,14 +241,14 @@ def random_dampers(problem: FitProblem, index: int) -> list[Damper]:
 def screened_starts(
     problem: FitProblem, dampers: Sequence[Damper], windows: Sequence[FitWindow]
 ) -> list[Damper]:
-    """Descend from the dampers with the smallest costs; return the ends that differ, best first."""
+    """Descend from the dampers with the smallest costs; return the resulting dampers, best first."""
     return continued_starts(problem, first_starts(problem, dampers, windows), windows)
 
 
 def first_starts(
     problem: FitProblem, dampers: Sequence[Damper], windows: Sequence[FitWindow]
 ) -> list[Damper]:
-    """Make short descents from the best dampers; return the ends that differ, best first."""
+    """Make short descents from the best dampers; return the resulting dampers, best first."""
     objective, settings = Objective(problem, windows), problem.settings
     points, linear = objective.points_of(dampers)
     found = objective.eliminate(objective.box.to_physical(points), linear, tangents=False)
@@ -266,7 +266,7 @@ def first_starts(
 def continued_starts(
     problem: FitProblem, dampers: Sequence[Damper], windows: Sequence[FitWindow]
 ) -> list[Damper]:
-    """Continue the descents from the results of ``first_starts``; return the ends that differ, best first.
+    """Continue the descents from the results of ``first_starts``; return the resulting dampers, best first.
 
     If parameters of a damper are at bounds, a further descent starts with these parameters in the middle of
     their ranges. The reason is that parameters of a term without effect stay at bounds, although the term
@@ -288,9 +288,9 @@ def continued_starts(
 def _ends(
     objective: Objective, points: FloatArray, linear: FloatArray, iterations_max: int, count: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Run descents; return points, linear parameters and costs [%^2] of the ends that differ, best first.
+    """Run descents; return the points, linear parameters and costs [%^2] at which they end, best first.
 
-    At most ``count`` ends are returned.
+    Of several ends with nearly equal costs only one is returned, and at most ``count`` in total.
     """
     descents = Descents(objective, points, linear, most=iterations_max)
     descents.run()

@@ -13,7 +13,7 @@ from mrdamper.models.damper import Damper
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A law with a set of terms."""
+    """A law with a set of terms (optional groups of coefficients)."""
 
     law: str
     terms: tuple[str, ...]
@@ -31,7 +31,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CandidateStarts:
-    """Start dampers of a candidate, and the smallest of their errors [%] on the screening windows."""
+    """Dampers at which the fit of a candidate starts, and their smallest error [%] on a few windows."""
 
     candidate: Candidate
     dampers: list[Damper]
@@ -40,7 +40,7 @@ class CandidateStarts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedCandidate:
-    """A candidate fitted to all windows of the model selection, and the training error [%] of the fit."""
+    """A candidate (law with terms) fitted to all windows, and the training error [%] of the fit."""
 
     candidate: Candidate
     damper: Damper
@@ -51,7 +51,7 @@ class FittedCandidate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ValidatedCandidate:
-    """A fitted candidate with its errors on held-out windows.
+    """A fitted candidate (law with terms) with its errors on held-out windows.
 
     In the total error, the runs with constant current and the runs with changing current have half of the
     weight each. Most laboratory runs have constant current, but a controller changes the current all the
@@ -59,7 +59,7 @@ class ValidatedCandidate:
     """
 
     fitted: FittedCandidate  # fit to all windows
-    dampers: tuple[Damper, ...]  # fit without each fold, in the order of the folds
+    dampers: tuple[Damper, ...]  # one fit per held-out fold, in the order of the folds
     squared_errors: FloatArray  # [%^2] of each window, when held out from the fit; NaN if never held out
     fractions: FloatArray  # weight of each window
     folds: NDArray[np.intp]  # number of the fold that holds out the window; -1 if no fold does
@@ -126,7 +126,7 @@ class ValidatedCandidate:
         return weights / weights.sum(), errors_percent, folds[first]
 
     def gain_relative_to(self, other: ValidatedCandidate) -> tuple[float, float]:
-        """Return the relative decrease of the mean error from ``other`` to this candidate, and Student's t.
+        """Return the decrease of the mean error from ``other`` to this candidate, and its t statistic.
 
         The t statistic is computed from the error differences of the folds and of the runs with changing
         current. These two kinds of differences have separate variances.

@@ -57,7 +57,7 @@ ASYMMETRY_TERMS = ("asymmetry", "flow-asymmetry")
 
 
 class CandidateEvaluator:
-    """Fits and cross-validates candidates on windows with at most ``samples_max`` simulated samples.
+    """Evaluator that fits and cross-validates candidates (laws with terms) on ``samples_max`` samples.
 
     If ``terms`` is given, every law has exactly these terms. If ``terms`` is None, the model selection can
     add and remove terms.
@@ -110,7 +110,7 @@ class CandidateEvaluator:
         return self.data.problem(candidate.law, candidate.terms, start)
 
     def archetypes(self, law: str) -> tuple[Archetype | None, ...]:
-        """Return the archetypes with which the selection of terms starts; None means the default terms.
+        """Return the archetypes (typical sets of terms) with which the selection starts; None: default terms.
 
         If the mean forces of the runs depend on temperature, every archetype includes a gas force. Otherwise
         the search would not find the best damper with a gas force. If runs with larger forces also have
@@ -129,7 +129,7 @@ class CandidateEvaluator:
         return (*kinds, *(replace(kind, terms=(*kind.terms, *ASYMMETRY_TERMS)) for kind in kinds))
 
     def initial_starts(self, law: str, archetype: Archetype | None) -> CandidateStarts:
-        """Return the ends of short descents for the first candidate of a law.
+        """Return the results of short descents for the first candidate (set of terms) of a law.
 
         The selection of terms begins with this candidate.
         """
@@ -145,9 +145,9 @@ class CandidateEvaluator:
         return CandidateStarts(candidate, starts, float(np.sqrt(cost)))
 
     def fit_starts(self, starts: CandidateStarts, *, with_descent: bool = True) -> FittedCandidate:
-        """Continue the short descents of a candidate's starts, and fit the candidate from their ends.
+        """Continue the short descents of a candidate, and fit the candidate from their results.
 
-        If ``with_descent`` is False, the best of the starts is returned without a fit.
+        If ``with_descent`` is False, the best damper in ``starts`` is returned without a fit.
         """
         start_s, candidate, problem = cpu_seconds(), starts.candidate, self.problem(starts.candidate)
         if not with_descent:
@@ -156,14 +156,14 @@ class CandidateEvaluator:
         return self.fit(candidate, continued_starts(problem, starts.dampers, self.screening_windows))
 
     def fit_alternative(self, archetype: Archetype, fitted: FittedCandidate) -> FittedCandidate:
-        """Fit an alternative archetype, which starts at the fit of the archetype before it.
+        """Fit an alternative set of terms, starting at the fit of the previous set.
 
-        Only the coefficients that differ have separate start values.
+        Only the coefficients that differ between the two sets have separate start values.
         """
         return self.fit(fitted.candidate, [self._alternative_start(archetype, fitted)])
 
     def starts(self, candidate: Candidate) -> list[Damper]:
-        """Return several start dampers for a fit of a candidate, best first."""
+        """Return the dampers from which the search for a candidate's parameters starts, best first."""
         problem, archetypes = self.problem(candidate), self._archetypes(candidate.law)
         if not archetypes:
             return random_start(problem, 0, self.screening_windows)
@@ -173,14 +173,14 @@ class CandidateEvaluator:
         return thorough_starts(problem, starts, self.windows, self.windows, self.pool)
 
     def search_thoroughly(self, fitted: FittedCandidate) -> FittedCandidate:
-        """Fit a candidate from many starts; return the fit with the smallest training error."""
+        """Fit a candidate from many initial dampers; return the fit with the smallest training error."""
         starts = [fitted.damper, *self._with_restarted_terms(fitted.candidate, fitted.damper)]
         problem = self.problem(fitted.candidate)
         ends = thorough_starts(problem, starts, self.windows, self.screening_windows, self.pool)
         return self.fit(fitted.candidate, [fitted.damper, *ends])
 
     def _with_restarted_terms(self, candidate: Candidate, damper: Damper) -> list[Damper]:
-        """Return copies of a damper. In each copy, one term is reset to one of its start values.
+        """Return copies of a damper. In each copy, one term is reset to one of the start values of the term.
 
         A term can describe two different effects. For example, friction in series with a stiff spring acts as
         friction, and friction in series with a soft spring acts as a hysteretic stiffness. A local search
@@ -211,7 +211,7 @@ class CandidateEvaluator:
         return candidate
 
     def _archetype_starts(self, candidate: Candidate, archetype: Archetype) -> list[Damper]:
-        """Descend from the start values of an archetype; return the resulting dampers, best first."""
+        """Descend from start values of a typical set of terms; return the resulting dampers, best first."""
         if archetype.is_alternative:
             kinds = self._archetypes(candidate.law)
             previous = self._archetype_starts(candidate, kinds[kinds.index(archetype) - 1])
@@ -220,13 +220,13 @@ class CandidateEvaluator:
         return screened_starts(self.problem(candidate), points, self.screening_windows)
 
     def _alternative_start(self, archetype: Archetype, fitted: FittedCandidate) -> Damper:
-        """Return a fitted damper with the start values of an alternative archetype."""
+        """Return a fitted damper with the start values of an alternative set of terms."""
         template = self.problem(fitted.candidate, archetype.start).template.parameters
         own = [name for name in template if name.partition(".")[0] in archetype.start]
         return fitted.damper.with_parameters({name: template[name] for name in own})
 
     def _archetype_points(self, candidate: Candidate, archetype: Archetype) -> list[Damper]:
-        """Return dampers with the start values of an archetype, combined with the start values of its law."""
+        """Return dampers with start values of a set of terms, also combined with start values of the law."""
         starts = [
             archetype.start,
             *({**archetype.start, **start} for start in starts_of(LAWS[candidate.law])),
@@ -249,7 +249,7 @@ class CandidateEvaluator:
         ]
 
     def removable_terms(self, candidate: Candidate) -> list[str]:
-        """Return the names of a candidate's terms that none of its other terms requires."""
+        """Return the names of the terms of a candidate that no remaining term requires."""
         if self._terms is not None:
             return []
         known = terms_of(LAWS[candidate.law])
@@ -292,7 +292,7 @@ class CandidateEvaluator:
         return self.fit(candidate, best_different(objective, starts))
 
     def screen(self, candidate: Candidate, previous: Damper) -> tuple[Damper, float]:
-        """Fit a candidate by a few iterations on the screening windows; return the damper and its error [%].
+        """Fit a candidate by few iterations on few windows of the runs; return the damper and its error [%].
 
         One fit is made for each alternative set of start values of a new term. Each fit starts at the size of
         the term that has the smallest error.
@@ -307,7 +307,7 @@ class CandidateEvaluator:
         return float(np.sqrt(Objective(problem, self.all_windows).costs_of([fitted.damper])[0]))
 
     def is_represented(self, fitted: FittedCandidate) -> bool:
-        """Return True if a candidate's error on all runs is not much larger than its error on the windows."""
+        """Return True if a candidate's error on all runs is not much larger than on the fitted windows."""
         limit_percent = self.settings.subset_error_ratio_max * fitted.training_rms_percent
         return not self.is_subset or self.error_on_all_runs_percent(fitted) <= limit_percent
 
@@ -369,9 +369,9 @@ class CandidateEvaluator:
         )
 
     def _evaluate_changing_runs(self, damper: Damper, response: Damper | None) -> tuple[Damper, list[float]]:
-        """Return the damper with a fitted actuation, and the error [%^2] of each run with changing current.
+        """Fit delay and lags; return the damper and the error [%^2] of each run with changing current.
 
-        The actuation is fitted to one run of each motion. This fit starts at the actuation of ``response``.
+        Delay and lags are fitted to one run of each motion, starting at the values of ``response``.
         """
         if not self.changing_runs:
             return damper, []
@@ -398,7 +398,7 @@ def _decimated(run: PreparedRun, settings: SelectionSettings) -> PreparedRun:
 
 
 def _squared_errors(damper: Damper, windows: Sequence[FitWindow]) -> FloatArray:
-    """Return the squared error [%^2] of each window, relative to the force of its run."""
+    """Return the squared error [%^2] of each window, relative to the force of the run."""
     forces = simulate_each(damper.on_limits(), [window.drive for window in windows])
     squares = [
         window.weight / window.fraction * float(np.sum(np.square((force - window.force)[window.start :])))

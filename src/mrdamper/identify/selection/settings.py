@@ -13,23 +13,27 @@ class SelectionSettings:
     training error of a candidate is the root mean square over the runs, because a fit minimises it. The
     cross-validation error is the mean over the runs. A *ratio* divides an error by the smallest error of the
     same kind. A *gain* is a relative decrease of an error: 0.01 means 1 %.
+
+    A *candidate* is a law with some *terms* (optional groups of coefficients). A *modular* law consists
+    mostly of terms.
     """
 
     # Data
-    samples_max: int = 15_000  # max number of simulated samples in all windows together
-    screening_fraction: float = 1.0 / 3.0  # max samples in all screening windows, divided by samples_max
+    samples_max: int = 15_000  # max number of simulated samples in all fitted sections (windows) of runs
+    screening_fraction: float = 1.0 / 3.0  # max samples in a quick first fit / samples_max
     # The model selection is repeated with more windows if the error of the chosen candidate on all runs
     # exceeds this multiple of its error on the windows.
     subset_error_ratio_max: float = 1.2
     subset_growth: float = 3.0  # factor on samples_max in each repetition
 
     # Screening. Modular laws are always kept, because their first candidates have few terms.
-    start_error_ratio_max: float = 1.5  # max error of a law's best start / smallest such error of all laws
+    start_error_ratio_max: float = 1.5  # max error of a law after short descents / smallest of all laws
     training_error_ratio_max: float = 1.5  # max training error of a law / smallest training error of all laws
-    finalist_count_max: int = 3  # max number of laws that are cross-validated, in addition to modular laws
+    finalist_count_max: int = 3  # max number of cross-validated laws that are not modular
 
     # Forward selection
-    # An archetype is cross-validated only if its training error, divided by the smallest one, is below this.
+    # An archetype is a first set of terms of a law. It is cross-validated only if its training error, divided
+    # by the smallest training error of all archetypes of this law, is below this limit.
     archetype_error_ratio_max: float = 1.2
     # Terms are added to a law that is not modular only if its ratio of cross-validation errors is below this.
     law_cv_ratio_max: float = 1.2
@@ -63,18 +67,19 @@ class SelectionSettings:
     round_gain_min: float = 0.004  # The next round starts only if the gain of a round exceeds this value.
     fold_iterations: int = 4  # iterations of a cross-validation fit, which starts at the fit to all windows
     screening_iterations: int = 8  # iterations of a fit with one additional term
-    # Archetypes get a gas force if a regression on temperature reduces the error of mean forces by this much.
+    # The first terms include a gas force if a regression on temperature reduces the error of mean forces by
+    # this percentage.
     gas_error_percent_min: float = 2.0
-    # Asymmetric archetypes are added if a regression on force and speed reduces this error by this much.
+    # Asymmetric terms are added if a regression on force and speed reduces this error by this percentage.
     asymmetry_error_percent_min: float = 5.0
 
     # Response to the current
-    changing_run_count_max: int = 4  # max number of runs to which the actuation is fitted
+    changing_run_count_max: int = 4  # max number of runs to which delay and lags are fitted
     changing_samples_max: int = 3000  # samples to which a run is decimated within the following rate limits
     changing_rate_Hz_min: float = 50.0
     changing_rate_Hz_max: float = 200.0
-    changing_tolerance: float = 1e-2  # The fit of the actuation ends after a smaller relative change.
-    changing_share_step_min: float = 0.25  # smallest step in the search for ``follow_share``
+    changing_tolerance: float = 1e-2  # The fit of delay and lags ends after a smaller relative change.
+    changing_share_step_min: float = 0.25  # smallest step of the fraction of the force without delay
 
 
 DEFAULT_SETTINGS = SelectionSettings()

@@ -104,7 +104,7 @@ def default_coefficients(damper: Damper) -> set[str]:
 
 
 def warm_start_from(previous: Damper, onto: Damper, free: Sequence[FreeParameter]) -> Damper:
-    """Return the damper ``onto`` with start values from a previous damper of the same law.
+    """Return the damper ``onto`` with start values from a fitted damper (``previous``) of the same law.
 
     Parameters that exist in both dampers are copied. If the dependence of a coefficient on current has a
     different type, the coefficient starts as a constant with its previous value at zero current. Coefficients

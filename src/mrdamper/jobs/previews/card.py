@@ -84,7 +84,7 @@ def _missing(law: str, *, has_lag: bool) -> str:
 
 
 def _sine(travel_mm: float, speed_mm_s: float, command: float, unit: str) -> dict[str, object]:
-    """Return a sine load cycle that does not exceed the range of a card's runs."""
+    """Return a sinusoidal load cycle within the stroke, speed and command range of a card's runs."""
     amplitude_mm = min(15.0, max(1.0, math.floor(travel_mm)))
     speed_Hz = math.floor(10.0 * speed_mm_s / (2.0 * math.pi * amplitude_mm)) / 10.0
     return {

@@ -50,7 +50,7 @@ WRITTEN: Mapping[str, type] = MappingProxyType({"geometry": DrawingTables})
 
 @lru_cache(maxsize=1024)
 def kind_of_input(path: Path, _size: int, _time: int) -> str | None:
-    """Return the probable kind of an input; None if its first lines match no kind."""
+    """Return the probable kind of an input file; None if the first lines match no kind."""
     with path.open("rb") as file:
         lines = file.read(_HEAD_SIZE_BYTES).decode("utf-8", errors="replace").splitlines()
     if path.suffix.lower() == ".csv":

@@ -115,7 +115,7 @@ class QuickHeat:
 
 
 def _tiles(rise: Rise, outside: str, assumed: str, *, tempered: bool) -> list[Json]:
-    """Return the main values of a curve as tiles: label, value and caveat."""
+    """Return the main values of a heating curve as tiles: label, value and caveat."""
     minutes, left, loss = f"{rise.time[-1] / 60:.0f} min", rise.time_to_limit_s, rise.force_loss_percent
     reached = (
         f"not in {minutes}" if left is None else f"{left / 60:.3g} min" if left > 120 else f"{left:.0f} s"

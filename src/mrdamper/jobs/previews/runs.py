@@ -150,7 +150,7 @@ def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[FileV
 
 
 def _offers(tables: Sequence[Table], path: Path) -> list[Json]:
-    """Return the known channel maps that can read this file: maps of the package and of files next to it."""
+    """Return the channel maps that can read a file: maps of the package and of files in the same folder."""
     most_offers = 20  # max number of channel maps of other files that are tried
     known = (*sorted(MAPS.glob("*.toml")), *sorted(path.parent.glob(f"*{MAP_SUFFIX}"))[:most_offers])
     offers: list[Json] = []
@@ -286,7 +286,7 @@ def _unit(said: tuple[str, str], table: Table, name: str) -> str:
 
 
 def _sample(values: FloatArray) -> list[float | None]:
-    """Return evenly spaced samples from the middle of a column, at the same indices for all columns."""
+    """Return evenly spaced samples from the middle of a column. All columns have the same indices."""
     begin = max(0, (len(values) - _LOOP_SAMPLES_MAX) // 2)
     part = values[begin : begin + _LOOP_SAMPLES_MAX]
     return [finite_or_none(float(value)) for value in part[:: max(1, len(part) // _LOOP_POINT_COUNT)]]

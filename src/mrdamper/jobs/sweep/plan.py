@@ -47,7 +47,7 @@ class Plan:
 
     @property
     def head(self) -> dict[str, Any]:
-        """Return the first line of the stored results, which identifies the sweep."""
+        """Return the first line of the results file. This line identifies the sweep."""
         return {
             "kind": self.kind,
             "seed": self.seed,

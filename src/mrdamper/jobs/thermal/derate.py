@@ -42,7 +42,7 @@ class DerateResult(JobResult):
     duty: str
     quantity: Quantity
     unit: str
-    whole: float  # value of the quantity in the unchanged load cycle [unit]
+    whole: float  # current, stroke or duty ratio in the unchanged load cycle [unit]
     ambient_degC: FloatArray
     air_m_s: FloatArray
     duration_min: FloatArray
@@ -100,7 +100,7 @@ def derate(
 
 
 def _unchanged_value(duty: Duty, quantity: Quantity) -> tuple[float, str]:
-    """Return the value of a quantity in the unchanged load cycle, and its unit."""
+    """Return current, stroke or duty ratio (``quantity``) of the unchanged load cycle, and its unit."""
     if quantity == "current":
         return max(each.command for each in duty.segments), duty.command_unit
     if quantity == "duty":

@@ -45,7 +45,7 @@ class HeatResult(JobResult):
     prediction_interval: PredictionInterval  # uncertainty of ``rise``
     bare: Rise | None  # temperature rise without heat sink; None if the damper has no heat sink
     bare_prediction_interval: PredictionInterval | None
-    # Result of the calibration with a measured curve; ``drawing`` is then the calibrated geometry.
+    # Result of the calibration with a measured heating curve. ``drawing`` is then the calibrated geometry.
     calibrated: CalibratedDrawing | None
     notes: tuple[str, ...]
     # True if the load cycle is outside the range of the card's runs. The intervals exclude this error.

@@ -51,7 +51,7 @@ class Carlson:
         check_ranges(self, "yield stress")
 
     def stress(self, field_A_m: ArrayLike) -> FloatArray:
-        """Return the yield stress [Pa] at field strengths H [A/m], in their shape."""
+        """Return the yield stress [Pa] at field strengths H [A/m] of any shape."""
         field = np.abs(np.asarray(field_A_m, dtype=np.float64))
         return np.asarray(self.saturation_Pa * np.tanh(field / self.field_scale_A_m))
 
@@ -68,7 +68,7 @@ def saturation_stress(particle_fraction: float, carrier_constant: float = 1.0) -
 
 
 def flux_density(field_A_m: ArrayLike, particle_fraction: float) -> FloatArray:
-    """Return the flux density B [T] in the fluid at field strengths H [A/m], in their shape."""
+    """Return the flux density B [T] in the fluid at field strengths H [A/m] of any shape."""
     outside = MU_0 * np.asarray(field_A_m, dtype=np.float64)
     iron = _iron(particle_fraction)
     return np.asarray(outside - np.sign(outside) * iron * np.expm1(-_IRON_RATE * np.abs(outside)))

@@ -27,7 +27,7 @@ HOT_K = 373.15  # Reports state the decrease of viscosity or yield stress from 2
 
 @dataclass(frozen=True, slots=True)
 class FittedParameter:
-    """A parameter of a fitted law; the standard error is NaN if it is fixed or at a bound."""
+    """A parameter of a fitted law; the standard error of a parameter that is fixed or at a bound is NaN."""
 
     name: str
     unit: str
@@ -46,8 +46,8 @@ class LawFit:
     factor: TemperatureFactor
     parameters: tuple[FittedParameter, ...]
     rms_percent: float  # root mean square of the relative residuals
-    aicc: float  # Akaike information criterion for few points; infinite if there are too few points
-    fall_percent: float  # decrease from 20 to 100 degC
+    aicc: float  # Akaike information criterion (corrected for few points); infinite for too few points
+    fall_percent: float  # decrease of the value from 20 to 100 degC
     fall_standard_error_percent: float
     at_reference: float = 1.0
     field_law: Carlson | None = None
@@ -69,7 +69,7 @@ class Study:
     temperature_K: FloatArray  # shape (n,), rising
     field_A_m: FloatArray
     value: FloatArray  # viscosity [Pa s] or yield stress [Pa]
-    used: BoolArray  # points that were fitted
+    used: BoolArray  # True for points that were fitted
     notes: tuple[str, ...]
 
     @property

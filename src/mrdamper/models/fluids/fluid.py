@@ -35,7 +35,7 @@ class Collapse:
         check_ranges(self, "collapse")
 
     def value(self, temperature_K: ArrayLike) -> FloatArray:
-        """Return the factor [-] at temperatures [K], in their shape."""
+        """Return the factor [-] on the viscosity at temperatures [K] of any shape."""
         excess = (np.asarray(temperature_K, dtype=np.float64) - self.middle_K) / self.width_K
         return np.asarray(0.5 * (1.0 - np.tanh(0.5 * excess)))  # same value as the equation, without overflow
 

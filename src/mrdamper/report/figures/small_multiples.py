@@ -49,7 +49,7 @@ class Line:
     dots: FloatArray | Sequence[float] = ()
 
     def draw(self, axes: Axes) -> None:
-        """Draw the line."""
+        """Draw the line with its band, points and dots."""
         if self.band is not None:
             axes.fill_between(self.x, *self.band, color=self.colour, alpha=0.2, lw=0.0)
         axes.plot(self.x, self.y, self.style, color=self.colour, lw=self.width, label=self.label or None)

@@ -29,14 +29,14 @@ from mrdamper.report.figures.style import colour_of, colour_of_temperature
 
 @dataclass(frozen=True, slots=True)
 class OperatingPoints:
-    """The levels of a report, which groups runs by temperature [degC], or by current [A] (voltage [V])."""
+    """Temperatures [degC], or currents [A] (voltages [V]), by which a report groups the runs."""
 
     kind: Literal["temperature", "command"]
     values: tuple[float, ...]
     unit: str
 
     def level_of(self, error: RunError) -> float | None:
-        """Return the level nearest to the temperature (or current) of a run; None if the run has no value."""
+        """Return the group value nearest to the temperature (or current) of a run; None if it is unknown."""
         value = error.temperature_degC if self.kind == "temperature" else error.command
         return None if value is None else min(self.values, key=lambda level: abs(level - value))
 
@@ -45,7 +45,7 @@ class OperatingPoints:
 
 
 def levels_of(errors: Sequence[RunError]) -> OperatingPoints:
-    """Return the temperatures of the runs as levels if there are two or more, otherwise the currents."""
+    """Return the temperatures of the runs if there are two or more, otherwise their currents."""
     known = sorted(e.temperature_degC for e in errors if e.temperature_degC is not None)
     if len(known) == len(errors) and known:
         clusters = [[known[0]]]
@@ -65,7 +65,7 @@ def pooled_rms(errors: Sequence[RunError]) -> float:
 
 
 def main_sine(errors: Sequence[RunError], levels: OperatingPoints) -> str | None:
-    """Return the label of the sine with the most pairs of level and current; None without a sine.
+    """Return the label of the sine with the most pairs of temperature and current; None without a sine.
 
     If several sines have the same number of pairs, the sine with the longest stroke is returned.
     """
@@ -95,9 +95,9 @@ def _stroke_in(motion: str) -> float:
 class Pick:
     """Measured mean force at the peak velocity of a sine, in extension and in retraction."""
 
-    velocity: float  # [m/s]
-    extension: float  # [N]
-    retraction: float  # [N]
+    velocity: float  # peak velocity [m/s]
+    extension: float  # mean force in extension [N]
+    retraction: float  # mean force in retraction [N]
 
 
 def peak_force(run: PreparedRun) -> float | None:
@@ -110,7 +110,7 @@ def peak_force(run: PreparedRun) -> float | None:
 
 
 def pick_of(run: PreparedRun) -> Pick | None:
-    """Return the measured force at peak velocity of a run with a sine, or None for other motions."""
+    """Return the measured force at peak velocity of a run with a sine; None if the motion is not a sine."""
     peak_velocity_ratio_min = 0.95  # Samples above this fraction of the peak velocity are averaged.
     if run.period_s is None or not run.motion.startswith("sine"):
         return None
@@ -161,7 +161,7 @@ class Campaign:
 
     @cached_property
     def main(self) -> str | None:
-        """Label of the sine with runs at the largest number of levels and currents; None without a sine."""
+        """Label of the sine that was measured at most temperatures and currents; None without a sine."""
         return main_sine(self.errors, self.levels)
 
     @cached_property
@@ -174,7 +174,7 @@ class Campaign:
         return "current, A" if self.fitted.damper.command_unit == "A" else "voltage, V"
 
     def find_run(self, motion: str, level: float | None, command: float | None) -> RunError | None:
-        """Return the run with the median error among all runs with this motion, level and current."""
+        """Return the run with the median error among runs with this motion, temperature and current."""
         found = [
             error
             for error in self.errors

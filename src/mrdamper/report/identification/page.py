@@ -106,7 +106,7 @@ def _sections(fitted: FitResult) -> list[Section]:
 
 
 def _values(fitted: FitResult) -> dict[str, object]:
-    """Return the values for the template part below the first screen."""
+    """Return the values that the page template prints below the first screen."""
     campaign = Campaign(fitted, fitted.assessment.runs)
     return {
         "unit": fitted.damper.command_unit,

@@ -135,7 +135,7 @@ def _warning_lines(found: FitResult) -> list[str]:
 
 
 def _note_lines(found: FitResult) -> list[str]:
-    """Return the most important notes, as console markup. The report has all of them."""
+    """Return the most important notes, as console markup. The report contains all notes."""
     lines = [escape(f"Note: {sentence(note)}") for note in found.result.notes[:NOTE_COUNT_MAX]]
     if found.inferred:
         lines.append(f"Note: {len(found.inferred)} values were read from the names of files and folders.")

@@ -19,7 +19,7 @@ _SPLITS: tuple[Split, ...] = ("training", "held_out")
 
 
 def by_split(errors: Iterable[RunError]) -> dict[str, dict[str, float]]:
-    """Return statistics of ``nrmse_percent`` for each split: median, worst run, worst run with current."""
+    """Return median and worst ``nrmse_percent`` of training and held-out runs, also of runs with current."""
     every = tuple(errors)
     parts = {split: [error for error in every if error.split == split] for split in _SPLITS}
     return {split: summary(part) for split, part in parts.items() if part}
@@ -45,7 +45,7 @@ def show_errors(errors: Sequence[RunError], law: str, console: Console) -> None:
 
 
 def show_summaries(errors: Iterable[RunError], console: Console) -> None:
-    """Print median and worst errors by split."""
+    """Print the median and the worst error of training runs and of held-out runs."""
     words = {"median": "median", "worst with current": "worst_above_zero", "worst": "worst"}
     for split, values in by_split(errors).items():
         text = ", ".join(f"{word} {percent(values[name])}" for word, name in words.items())

@@ -35,7 +35,7 @@ def verdict_lines(found: FitResult) -> list[str]:
 
 
 def assumption_flags(damper: Damper) -> list[tuple[str, str]]:
-    """Return a warning if a temperature dependence was assumed instead of fitted."""
+    """Return a warning if the temperature dependence of a damper was assumed instead of fitted."""
     if not damper.assumed:
         return []
     names = ", ".join(name.replace("_", " ") for name in damper.assumed)

@@ -100,7 +100,7 @@ def temperature_flags(card: ModelCard) -> list[tuple[str, str]]:
 
 
 def _sections(run: HeatResult) -> dict[str, object]:
-    """Return the values for the template part below the first screen."""
+    """Return the values that the page template prints below the first screen."""
     drawing = run.drawing
     title = "the damper" if drawing.sink is None else sink_in_words(drawing.sink)
     return {
@@ -143,7 +143,7 @@ def sink_in_words(sink: HeatSink) -> str:
 
 
 def page_intervals(run: HeatResult) -> list[PredictionInterval]:
-    """Return the interval of each curve; an empty list if the load cycle is outside the range of the card."""
+    """Return the interval of each curve; empty if the load cycle is outside the range of the card."""
     return [] if run.extrapolated else run.prediction_intervals
 
 
@@ -183,12 +183,12 @@ def limit_rows(rise: Rise, interval: PredictionInterval | None) -> list[dict[str
 
 
 def reached(limit: LimitReached) -> str:
-    """Return the time to a limit as text."""
+    """Return the time to a temperature limit as text."""
     return "not reached" if limit.time_s is None else f"{limit.time_s / 60:.1f} min"
 
 
 def limit_band(interval: PredictionInterval | None, index: int = 0) -> str:
-    """Return the interval of the time to a limit as text, or an empty string."""
+    """Return the interval of the time to a temperature limit as text, or an empty string."""
     if interval is None or not math.isfinite((to_limit := interval.to_limits[index]).low_s):
         return ""
     high = f"to {to_limit.high_s / 60:.1f} min" if math.isfinite(to_limit.high_s) else "or longer"

@@ -75,7 +75,7 @@ def _comparison(run: HeatsinkResult) -> str:
 
 
 def _interval(run: HeatsinkResult) -> str:
-    """Return the interval of the temperature difference to the reference; its middle is positive."""
+    """Return the interval of the temperature difference to the reference; the middle is positive."""
     low, high = (run.gain.low, run.gain.high) if run.gain.middle >= 0.0 else (-run.gain.high, -run.gain.low)
     return f"{low:.1f} to {high:.1f} K"
 
@@ -108,7 +108,7 @@ def _method(run: HeatsinkResult) -> str:
 
 
 def _designs(run: HeatsinkResult) -> list[tuple[str, SinkDesign]]:
-    """Return the designs of the table, each with its label. Most labels are empty."""
+    """Return the heat sinks of the table, each with a label such as "reference" or an empty one."""
     labelled = [
         ("bare", run.bare),
         *([("reference", run.reference)] if run.reference.sink is not None else []),
@@ -201,7 +201,7 @@ def _fields(run: HeatsinkResult) -> dict[str, object]:
 
 
 def _design(design: SinkDesign) -> Json:
-    """Return dimensions, mass and temperatures of a design. The bare damper has 0 fins of size 0."""
+    """Return dimensions, mass and temperatures of a heat sink. The bare damper has 0 fins of size 0."""
     found = design.sink
     fins, *sizes = (0, 0.0, 0.0, 0.0)
     if found is not None:

@@ -74,7 +74,7 @@ class CalibratedDrawing:
 
     @property
     def film(self) -> float:
-        """Return the factor on the convection of the body [-]."""
+        """Factor on the convection of the body [-]."""
         return self.drawing.calibration.film
 
     @property

@@ -32,7 +32,7 @@ from mrdamper.thermal.temperature_rise import Model, Rise, loads_of
 
 @dataclass(frozen=True, slots=True)
 class TimeToLimit:
-    """Interval of the time at which a temperature limit is reached; infinity: later than the simulation."""
+    """Interval of the time to a temperature limit; infinity: not reached during the simulation."""
 
     low_s: float
     high_s: float
@@ -44,14 +44,14 @@ class PredictionInterval:
 
     time: FloatArray  # [s], shape (t,)
     median: FloatArray  # predicted fluid temperature [K], shape (t,)
-    low: FloatArray  # lower end of its interval [K], shape (t,)
-    high: FloatArray  # upper end of its interval [K], shape (t,)
+    low: FloatArray  # lower end of the 90 % interval of ``median`` [K], shape (t,)
+    high: FloatArray  # upper end of the 90 % interval of ``median`` [K], shape (t,)
     probability: float
     to_limits: tuple[TimeToLimit, ...]  # times to the limits of fluid, coil and seals
 
     @property
     def to_limit(self) -> TimeToLimit:
-        """Interval of the time at which the fluid reaches its limit."""
+        """Interval of the time at which the fluid reaches its temperature limit."""
         return self.to_limits[0]
 
 

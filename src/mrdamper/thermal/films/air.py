@@ -27,7 +27,7 @@ GAS_CONSTANT_J_KG_K = 287.055  # specific gas constant of dry air
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Air:
-    """Properties of air at film temperatures. All fields have the same shape."""
+    """Properties of air at film temperatures. All arrays have the same shape."""
 
     temperature: FloatArray  # [K]
     conductivity: FloatArray  # [W/(m K)]

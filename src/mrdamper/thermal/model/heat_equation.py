@@ -131,7 +131,7 @@ class Cooling:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HotSpots:
-    """Matrices that convert the unknowns to temperatures at the candidate hot spots, shape (m, n) each."""
+    """Matrices that convert the unknowns to temperatures at possible hot spots, shape (m, n) each."""
 
     gap: Matrix
     coil: Matrix
@@ -140,7 +140,7 @@ class HotSpots:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StoredHeat:
-    """A temperature-dependent heat capacity of one part."""
+    """Temperature-dependent heat capacity of one part of the damper."""
 
     mass: Matrix  # mass matrix of the part with its mean heat capacity [J/K], shape (n, n)
     curve: CapacityCurve  # heat capacity divided by its mean, versus the mean temperature of the part
@@ -150,9 +150,9 @@ class StoredHeat:
 class HeatEquation:
     """The sparse or dense matrices of the heat equation with n unknowns and p surface points."""
 
-    ambient: float  # [K]
-    mass: Matrix  # [J/K], shape (n, n)
-    stiffness: Matrix  # [W/K], shape (n, n)
+    ambient: float  # ambient temperature [K]
+    mass: Matrix  # heat capacities [J/K], shape (n, n)
+    stiffness: Matrix  # heat conduction [W/K], shape (n, n)
     mechanical: FloatArray  # load vector for 1 W of mechanical power, shape (n,)
     electrical: FloatArray  # load vector for 1 W of coil heat, shape (n,)
     warming: Matrix  # E: increase of a coil heat of 1 W with the local temperature [1/K], shape (n, n)
@@ -349,7 +349,7 @@ class FieldSystem:
         self._mass = equation.mass  # mass matrix at the point of linearisation
 
     def take(self, load: Load) -> None:
-        """Set the load. Its power becomes a cubic spline on the temperature grid."""
+        """Set the load. Its mechanical power is stored as a cubic spline of the fluid temperature."""
         grid = self.equation.cooling.grid
         self._power = CubicSpline(grid - self.equation.ambient, load.power(grid))
         self._coil_W = load.coil_W

@@ -24,7 +24,7 @@ IntArray = NDArray[np.int64]
 SIDE_TOLERANCE_M = 1e-9  # Sides with a smaller distance count as equal.
 CUT_RATIO = 0.35  # distance of a cut from the corner, divided by the length of the side
 EDGE_CELL_RATIO = 0.15  # size of the first cell at a side, divided by the requested size
-CELL_GROWTH_RATIO = 1.0  # increase of the cell size per distance from the side of a block
+CELL_GROWTH_RATIO = 1.0  # increase of the cell size / distance from the side of a material block
 FIRST_CELL_RATIO_MAX = 0.2  # max radial size of the first cell, divided by the radial width of the block
 # The gap conducts much better along z than along r. Therefore the heat flow turns near its walls, and the
 # cells must be smaller there.
@@ -227,7 +227,7 @@ def _lines(sides: list[float], size: float, share_at: Callable[[float], float]) 
 
 
 def _cells(lines: FloatArray, low: float, high: float) -> slice:
-    """Return the slice of the cells between two sides of a block."""
+    """Return the slice of the grid cells between two sides (positions) of a block."""
     return slice(_line(lines, low), _line(lines, high))
 
 

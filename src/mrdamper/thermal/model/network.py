@@ -69,18 +69,18 @@ class ThermalNetwork:
 
     model: str  # "network" or "lumped"
     names: tuple[str, ...]
-    capacity: FloatArray  # [J/K], shape (n,)
-    conductance: FloatArray  # [W/K], shape (n, n), symmetric, zero diagonal
-    mechanical: FloatArray  # [-], shape (n,)
-    electrical: FloatArray  # [-], shape (n,)
-    fluid: FloatArray  # [-], shape (n,)
-    coil: FloatArray  # [-], shape (n,)
-    wall: FloatArray  # [-], shape (n,)
-    ambient: float  # [K]
-    grid: FloatArray  # [K], shape (g,), uniform
+    capacity: FloatArray  # heat capacity of the nodes [J/K], shape (n,)
+    conductance: FloatArray  # conductance between nodes [W/K], shape (n, n), symmetric, zero diagonal
+    mechanical: FloatArray  # fractions of the mechanical power [-], shape (n,)
+    electrical: FloatArray  # fractions of the coil heat [-], shape (n,)
+    fluid: FloatArray  # weights in the mean fluid temperature [-], shape (n,)
+    coil: FloatArray  # weights in the mean coil temperature [-], shape (n,)
+    wall: FloatArray  # weights in the mean wall temperature [-], shape (n,)
+    ambient: float  # ambient temperature [K]
+    grid: FloatArray  # temperatures of the loss tables [K], shape (g,), uniform
     loss_node: tuple[int, ...]  # node of each loss
     loss_path: tuple[str, ...]  # path of each loss, one of PATHS
-    watts: FloatArray  # [W], shape (m, g)
+    watts: FloatArray  # heat losses [W], shape (m, g)
 
     def __post_init__(self) -> None:
         for name in (
@@ -368,7 +368,7 @@ def _zone_edges(drawing: DamperDrawing) -> tuple[float, float, float, float]:
 
 
 def _covered(sink: HeatSink, body_length: float, low: float, high: float) -> tuple[float, float]:
-    """Return two lengths of a body segment [m]: its length under the heat sink, and between the fins."""
+    """Return two lengths of a body segment [m]: the part under the heat sink, and the gaps between fins."""
     centres, half = sink.centres(body_length), 0.5 * sink.thickness
 
     def overlap(start: FloatArray, stop: FloatArray) -> float:

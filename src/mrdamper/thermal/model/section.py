@@ -53,10 +53,10 @@ class Block:
     """A rectangle of the section with the material of a region. Blocks do not overlap."""
 
     region: int  # index of the region
-    inner: float  # radius [m]
-    outer: float  # radius [m]
-    low: float  # axial position [m]
-    high: float  # axial position [m]
+    inner: float  # inner radius [m]
+    outer: float  # outer radius [m]
+    low: float  # axial position of the lower end [m]
+    high: float  # axial position of the upper end [m]
 
     @property
     def volume(self) -> float:
@@ -81,10 +81,10 @@ class Edge:
     """A straight part of the outline along r or z that loses heat. The remaining outline is insulated."""
 
     surface: int  # index of the surface
-    inner: float  # radius [m]
-    outer: float  # radius [m]; equal to ``inner`` for an edge along z
-    low: float  # axial position [m]
-    high: float  # axial position [m]; equal to ``low`` for an edge along r
+    inner: float  # inner radius [m]
+    outer: float  # outer radius [m]; equal to ``inner`` for an edge along z
+    low: float  # axial position of the lower end [m]
+    high: float  # axial position of the upper end [m]; equal to ``low`` for an edge along r
 
     @property
     def area(self) -> float:
@@ -106,9 +106,9 @@ class Section:
     blocks: tuple[Block, ...]
     surfaces: tuple[Surface, ...]
     edges: tuple[Edge, ...]
-    ambient: float  # [K]
-    grid: FloatArray  # [K], shape (g,), uniform
-    films: FloatArray  # [W/(m^2 K)], shape (laws, g)
+    ambient: float  # ambient temperature [K]
+    grid: FloatArray  # surface temperatures [K], shape (g,), uniform
+    films: FloatArray  # convective coefficients at these temperatures [W/(m^2 K)], shape (laws, g)
     seals: tuple[Block, ...] = ()  # lines (blocks of zero width) at the rod seals
     drawing: DamperDrawing | None = None  # geometry of the section; None in tests
 

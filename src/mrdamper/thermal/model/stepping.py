@@ -45,7 +45,7 @@ class Load:
     copper.
     """
 
-    duration: float  # [s]
+    duration: float  # duration of the load [s]
     power: Callable[[FloatArray], FloatArray]
     coil_W: float = 0.0
 
@@ -55,7 +55,7 @@ class Load:
 
 
 def loads_until(loads: Sequence[Load], time_s: float) -> list[Load]:
-    """Return the loads from the start to a time [s]; the last load is shortened, and time 0 has no load."""
+    """Return the loads from the start to a time [s]; the last load is shortened, and time 0 gives no load."""
     kept, left = [], time_s
     for load in loads:
         if left <= TIME_TOLERANCE_S:

@@ -32,7 +32,7 @@ class Heating(EnergyAccount):
 
     network: ThermalNetwork
     time: FloatArray  # [s], shape (k,)
-    temperature: FloatArray  # [K], shape (k, n)
+    temperature: FloatArray  # temperature of each node [K], shape (k, n)
     flow: FloatArray  # losses and heat sources [W], shape (k, m + 2)
     energy: FloatArray  # losses and heat sources, integrated since the start [J], shape (k, m + 2)
     stopped: bool  # True if the fluid reached the temperature at which the simulation ends
@@ -129,7 +129,7 @@ class NetworkSystem:
         self._unit = np.eye(n)
 
     def take(self, load: Load) -> None:
-        """Set the load: store its heat sources as cubics of temperature."""
+        """Set the load: store its heat sources as piecewise cubic functions of temperature."""
         grid = self.network.grid
         self._cubics[:, :, -2] = CubicSpline(grid, load.power(grid)).c.T
         knots = grid[:-1]
@@ -138,7 +138,7 @@ class NetworkSystem:
         self._cubics[:, 3, -1] = load.coil_W * (1.0 + COPPER_PER_K * (knots - REFERENCE_K))
 
     def _look_up(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the cubics of losses and sources, shape (m + 2, 4), and their arguments [K]."""
+        """Return the cubic polynomials of losses and sources, shape (m + 2, 4), and their arguments [K]."""
         at = (nodes @ self._seen.T - self._low) / self._width
         place = at.astype(np.intp)
         if not (at.min() >= 0.0 and at.max() < len(self._cubics)):

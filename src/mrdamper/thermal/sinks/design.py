@@ -140,7 +140,7 @@ class SinkFront:
     """Pareto front of a search: designs in order of increasing mass and decreasing temperature."""
 
     designs: tuple[SinkDesign, ...]
-    tried: int  # number of evaluated heat sinks
+    tried: int  # number of heat sinks that were evaluated
     outside: int  # number of heat sinks outside the range of a correlation
 
     @property

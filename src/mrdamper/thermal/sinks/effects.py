@@ -44,7 +44,7 @@ class SinkEffect:
     sink: HeatSink
     bare: float  # fluid temperature without fins [K]
     finned: float  # fluid temperature with the heat sink [K]
-    ambient: float  # [K]
+    ambient: float  # ambient temperature [K]
     fin_area: float  # area of all fins [m^2]
     body_area: float  # outer area of the damper without fins [m^2]
     fin_efficiency: float  # efficiency of one fin [-]
