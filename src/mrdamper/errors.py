@@ -138,7 +138,11 @@ class MissingExtraError(InputError):
 
     @classmethod
     def for_package(cls, what: str, package: str, extra: str) -> Self:
-        """Return the error for a missing ``package``, which ``what`` requires and the ``extra`` installs."""
+        """Return the error for a ``package`` that is not installed.
+
+        ``what`` names the function that requires it, such as "the genetic algorithm". ``extra`` is the
+        optional part of mrdamper that installs it.
+        """
         return cls(f"{package} is not installed", place=what, remedy=f"pip install 'mrdamper[{extra}]'")
 
 

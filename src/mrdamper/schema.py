@@ -146,13 +146,13 @@ class Option:
         return math.isfinite(value) and all(fits(value, limit) for _, fits, limit in self._limits)
 
     def to_si(self, value: float | None) -> float | None:
-        """Return a value of a file in SI."""
+        """Convert a value from the unit of the file to SI. None stays None."""
         if value is None:
             return None
         return value + ZERO_CELSIUS_K if self.unit == "degC" else value * _SCALES.get(self.unit, 1.0)
 
     def from_si(self, value: float) -> float:
-        """Return a value in SI in the unit of the file."""
+        """Convert a value from SI to the unit of the file."""
         if self.unit == "degC":
             return round(value - ZERO_CELSIUS_K, 10)
         scale = _SCALES.get(self.unit, 1.0)

@@ -28,7 +28,10 @@ kappas = st.floats(-1.0, 1.0)
 
 @dataclass(frozen=True)
 class Branch:
-    """Exact points of a branch with u' = 1 - k u^n and u(0) = 0, and its derivatives by k and n."""
+    """Exact points of a branch du/dtau = 1 - k u^n with u(0) = 0; tau is ``travel``, ``slope`` is du/dtau.
+
+    ``by_k`` and ``by_n`` are the derivatives of u with respect to k and n at fixed travel.
+    """
 
     travel: np.ndarray
     u: np.ndarray

@@ -212,7 +212,10 @@ def lag_of(runs):
         ({1.0: 40.0, 2.0: 20.0}, None),
         ({1.0: 52.0, 2.0: 32.0}, 12.0),
         ({1.0: 35.0, 2.0: 15.0}, None),  # A linear fit gives -5 ms, a quadratic fit 8.3 ms.
-        ({1.0: 15.0, 2.0: 0.0}, -5.0),  # The force leads the motion in addition to viscous damping.
+        (
+            {1.0: 15.0, 2.0: 0.0},
+            -5.0,
+        ),  # Early in both forms: a fit linear in the period gives -15 ms, a quadratic one (viscosity) -5 ms.
     ],
 )
 def test_force_delay_excludes_compliance(delays, told):

@@ -672,7 +672,7 @@ def test_current_in_name_requires_unit(value, before, unit, after, sign):
         ("temperature", "oil 86 degF", 303.15),
     ],
 )
-def test_number_with_exponent_or_spelled_unit(role, text, value):
+def test_values_with_exponents_or_unit_words_are_read(role, text, value):
     assert labels_in(text, role) == pytest.approx((value,))
 
 

@@ -77,7 +77,7 @@ def test_export_in_volts_equals_python():
 
 
 @pytest.mark.nightly
-def test_verification_rows_raise_every_reading_flag():
+def test_verification_inputs_raise_all_flags_of_readings():
     """The rows of a verification of default length contain every kind of invalid reading."""
     record = assert_same_bits(a_target(), 100_000)
     both = {

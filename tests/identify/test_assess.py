@@ -108,7 +108,7 @@ def bingham(**values: float | Polynomial) -> Damper:
     )
 
 
-def test_passivity_matches_formulas() -> None:
+def test_passivity_number_equals_analytical_values() -> None:
     """The force loop of a viscous damper is an ellipse with pi/4 of the area of the enclosing rectangle.
 
     A spring, a mass and an offset dissipate no energy but enlarge the rectangle. The spring has the largest

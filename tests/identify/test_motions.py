@@ -19,7 +19,7 @@ def test_each_motion_is_held_out_once() -> None:
         assert len({RUNS[k].motion for k in group}) == 1
 
 
-def test_folds_of_one_motion_hold_out_intermediate_currents() -> None:
+def test_runs_with_extreme_currents_are_never_held_out() -> None:
     """The smallest and the largest current are never held out."""
     alike = [RUNS[k] for k in motion_groups(RUNS)[0]]
     levels = sorted(float(run.trajectory.command.mean()) for run in alike)

@@ -151,7 +151,7 @@ def test_assumed_thinning_force_scales_with_viscosity(factor):
 
 @pytest.mark.parametrize("kind", ["auto", "reynolds"])
 def test_known_temperature_dependence_is_recovered(kind: Temperature) -> None:
-    """Activation temperature, rate, and decrease of the yield force are recovered from three temperatures."""
+    """Three temperatures determine the parameter of the viscosity and the decrease of the yield force."""
     factor = Arrhenius(1435.5) if kind == "auto" else Reynolds(0.012)
     truth = Damper(
         LAWS["bouc-wen"],

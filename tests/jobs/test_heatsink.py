@@ -104,7 +104,7 @@ def test_terminal_lists_reference_and_coolest_sink(folder):
 
 
 @pytest.mark.nightly
-def test_damper_without_heat_sink_is_reference(folder):
+def test_search_without_sink_compares_with_bare_damper(folder):
     bare = changed(folder, "fins = 5", "fins = 0")
     options = HeatsinkOptions(span_mm=20.0, width_mm=10.0, by_field=False)
     found: Any = search(folder / "card.json", bare, options=options, out=folder / "bare")

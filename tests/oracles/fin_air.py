@@ -131,7 +131,8 @@ def _radii(inner: float, outer: float, fine: int) -> FloatArray:
         share = np.tanh(_CROWDED * np.linspace(-1.0, 1.0, along + 1)) / math.tanh(_CROWDED)
         fin = inner + (outer - inner) * (0.5 + 0.5 * share)
         slope = (outer - inner) * _CROWDED / math.cosh(_CROWDED) ** 2 / math.tanh(_CROWDED) * _BEYOND / _ALONG
-    # These bounds of the growth contain the value for which cells on both sides of the rim are equally wide.
+    # With ``slope``, the cells on both sides of the rim are nearly equally wide. The bisection finds the
+    # exponential growth of the outer cells for which the last face is at ``_FAR``.
     low, high = 0.1, 12.0
     for _ in range(60):
         middle = 0.5 * (low + high)

@@ -125,7 +125,7 @@ def test_power_error_scales_capacity_and_losses():
     assert more.fitted_K == pytest.approx(once.fitted_K, abs=0.02)
 
 
-def test_short_curve_keeps_estimated_losses():
+def test_short_heating_curve_keeps_prior_heat_losses():
     """A curve of one minute hardly depends on the losses, so their factor stays near its prior value."""
     curve = measured(heated(BARE, scale=1.2), 2, noise=0.3, until=60.0)
     found = calibrate_drawing(curve, BARE, [work()], DUTY)

@@ -44,7 +44,7 @@ def test_paper_geometry_preset_equals_example():
     assert text_of("paper") == TEXT
 
 
-def test_geometry_example_has_paper_sink():
+def test_example_geometry_has_sink_of_reference_paper():
     sink = read_sink(EXAMPLE)
     assert (sink.fins, sink.width, sink.pitch) == pytest.approx((5, 0.023, 0.020))
     assert sink.gap == pytest.approx(0.017)

@@ -28,7 +28,7 @@ def sweeps():
     return paper_sweeps(DRAWING, SINK, LOADS)
 
 
-def test_efficiency_has_maxima_of_paper(sweeps):
+def test_fin_efficiency_is_largest_at_paper_sizes(sweeps):
     """The maxima are at 23 mm and four fins, although the temperature decreases with size and number."""
     width, fins = sweeps
     assert [effect.sink.width for effect in width.effects] == [0.018, 0.023, 0.028, 0.033]

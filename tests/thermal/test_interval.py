@@ -129,7 +129,7 @@ def test_ten_minutes_predict_perturbed_dampers(base):
 @pytest.mark.parametrize("base", [BARE, DRAWING], ids=["bare", "fins"])
 @pytest.mark.parametrize(("minutes", "most"), [(5.0, 5.0), (10.0, 2.0)])
 @pytest.mark.parametrize("place", ["fluid", "wall", "coil"])
-def test_hundred_perturbed_dampers_are_predicted(base, minutes, most, place):
+def test_temperatures_of_perturbed_dampers_are_predicted(base, minutes, most, place):
     found = score(base, 100, minutes, seed=4, place=place)
     print(f"{place}, {minutes:.0f} min: {found}")
     assert found.rmse < most

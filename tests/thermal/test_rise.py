@@ -150,7 +150,7 @@ def test_force_falls_with_fluid_temperature():
     assert rise.peak_force_N[0] == pytest.approx(own.peak[0], rel=1e-4)
 
 
-def test_heating_energy_is_sum_over_paths():
+def test_released_heat_is_sum_over_heat_paths():
     rise = predict_rise(temperature_dependent(), DRAWING)
     account = rise.energy_J
     paths = sum(account[path] for path in rise.paths_W)

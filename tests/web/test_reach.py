@@ -64,7 +64,7 @@ OPTIONS = [
 
 
 @pytest.mark.parametrize(("command", "name", "told"), OPTIONS, ids=str)
-def test_every_option_has_field_or_reason(command, name, told):
+def test_command_line_options_are_in_forms_or_explained(command, name, told):
     if {command, told, f"{command} {told}"} & only_there() or told == "--channels":
         return
     if told == "--resume":  # Resuming a sweep is a separate request on the pages.

@@ -128,7 +128,7 @@ def test_logger_file_becomes_verified_fmu(browser, tmp_path):
     assert actions.total() <= ACTIONS_MAX
 
 
-def test_virtual_rig_becomes_verified_fmu(browser, tmp_path):
+def test_workbench_makes_verified_fmu_from_virtual_runs(browser, tmp_path):
     with (
         served(tmp_path / "damper") as client,
         opened(browser, client.address) as page,

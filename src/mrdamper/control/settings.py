@@ -13,10 +13,9 @@ class ControlSettings:
     jerk_density: float = 1.0  # jerk of the motion model [m/s^3 per root Hz]
     harmonic_jerk_ratio: float = 0.3  # factor on the jerk density if the motion is assumed to be harmonic
     frequency_filter_s: float = 1.0  # time constant of the averages of v^2 and a^2 in the frequency estimate
-    # Shortest period of the assumed harmonic motion / time constant of the motion filter. The squared angular
-    # frequency is limited to the reciprocal square of this time, because with a shorter period the filter
-    # could become unstable.
-    motion_period_ratio_min: float = 3.0
+    # Smallest value of 1 / omega, divided by the time constant of the motion filter. Omega is the angular
+    # frequency of the assumed harmonic motion. With a larger omega, the filter could become unstable.
+    inverse_frequency_ratio_min: float = 3.0
     settling_ratio: float = 8.0  # settling time of a motion filter / its time constant
 
     # Motion filter of the real-time model if the velocity is unknown. The displacement of a simulation has no

@@ -154,7 +154,7 @@ def motion_of(
         holds_readings=held_s > 1.5 * period_s,
         frequency_filter_gain=1.0 - math.exp(-period_s / SETTINGS.frequency_filter_s) if is_harmonic else 0.0,
         settle_samples=math.ceil(SETTINGS.settling_ratio * filter_s / period_s),
-        omega_squared_max=(SETTINGS.motion_period_ratio_min * filter_s) ** -2.0,
+        omega_squared_max=(SETTINGS.inverse_frequency_ratio_min * filter_s) ** -2.0,
         velocity_noise_variance=float(spread[1, 1]),
         acceleration_noise_variance=float(spread[2, 2]),
     )
@@ -185,7 +185,7 @@ def prediction_of(
         risen, stretch = max(risen, fallen), SETTINGS.freewheel_stretch
     parts = _parts(SETTINGS.horizon_steps, stretch)
     # Time constant of the motion filter [s].
-    known = 1.0 / (SETTINGS.motion_period_ratio_min * math.sqrt(motion.omega_squared_max))
+    known = 1.0 / (SETTINGS.inverse_frequency_ratio_min * math.sqrt(motion.omega_squared_max))
     step = max(risen / parts, SETTINGS.step_ratio_min * known, period_s)
     dead = math.ceil(actuation.delay_s / period_s - 1e-9) * period_s
     if dead - actuation.delay_s > SETTINGS.late_ratio_max * step:

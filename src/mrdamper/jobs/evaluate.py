@@ -50,7 +50,7 @@ class ForceInterval:
     modelled_N: FloatArray  # force of the fitted damper
     low_N: FloatArray  # lower end of the force interval
     high_N: FloatArray  # upper end of the force interval
-    rmse_N: tuple[float, float]  # interval of the RMS error of the whole scored run
+    rmse_N: tuple[float, float]  # 90 % interval of the RMS error over all samples after the warm-up
 
     @property
     def width_N(self) -> float:

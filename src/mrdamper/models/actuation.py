@@ -161,11 +161,11 @@ class Applied:
         return applied
 
     def _after_play(self, k: int, flux: FloatArray, width: float) -> FloatArray:
-        """Return the flux behind a dead band: a value between the flux and the flux plus the width.
+        """Return the output of dead band ``k`` (a play operator) for the input ``flux``.
 
-        Each sample clips the value of the previous sample to this range. Two successive clips equal one clip.
-        Therefore all samples follow from a parallel prefix scan in log2(n) passes (Hillis & Steele, Commun.
-        ACM 29 (1986) 1170-1183).
+        At each sample, the output is the previous output, clipped to the range from ``flux`` to
+        ``flux + width``. Two successive clips can be combined into one clip. Therefore all samples follow
+        from a parallel prefix scan in log2(n) passes (Hillis & Steele, Commun. ACM 29 (1986) 1170-1183).
         """
         low, high = flux.copy(), flux + width
         shift = 1

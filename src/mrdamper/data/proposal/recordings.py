@@ -74,7 +74,7 @@ class RigFile:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
-    """Pieces of one table and their interpretation."""
+    """Result of reading one table: row ranges that become runs, columns, and the role of the command."""
 
     pieces: tuple[Piece, ...]
     columns: tuple[Column, ...]

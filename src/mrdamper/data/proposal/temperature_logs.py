@@ -53,7 +53,11 @@ def join_temperature_logs(
     chosen: ChannelMap,
     answers: Sequence[Answer],
 ) -> tuple[list[tuple[Path, RigFile]], dict[Path, Finding]]:
-    """Return the files with added temperatures from logs, and a finding for each log among ``others``."""
+    """Return all files of ``read`` with temperatures from logs, and a finding for each log.
+
+    A temperature is added to each recording that exactly one log covers. ``others`` are files that may be
+    logs.
+    """
     runs = [(path, *pair) for path, file in read for pair in zip(file.recordings, file.starts, strict=True)]
     found: dict[Path, dict[int, FloatArray | None]] = {}
     reasons: dict[Path, str] = {}

@@ -26,7 +26,9 @@ class ConfidenceSettings:
     correlations_max_count: int = 4  # max number of correlations that are reported with parameter names
     energy_error_max: float = 0.15  # relative error of the energy per cycle above which a run is reported
     batch_sample_count: int = 4096  # samples of the posterior that are tested at once
-    batch_count_max: int = 500  # max batches; 1000 draws then fail if less than 1 of 2000 samples is accepted
+    batch_count_max: int = (
+        500  # max number of batches; if fewer samples are accepted than requested, an error is raised
+    )
 
     # Proposed tests
     proposal_amplitude_ratios: tuple[float, ...] = (1.0, 0.5, 0.2)  # amplitude / half the stroke

@@ -46,12 +46,12 @@ class ConsistencySettings:
     # An effect that was estimated for all runs is not reported if a single run alone has more than this
     # fraction of the effect (RMS). Then only this run is reported.
     single_run_ratio_min: float = 0.9
-    error_ratio_max: float = 2.5  # max standard error of a compared run, divided by the median of all runs
+    error_ratio_max: float = 2.5  # Runs with a larger standard error / median of all runs are ignored.
     second_cause_ratio_min: float = 0.5  # min fraction explained by a second cause / by the best cause
 
     # Errors of one result
     training_cv_ratio_max: float = 1.5  # max training error, divided by the cross-validation error
-    # Effect of a cause on the force
+    # Effect of a possible rig error (cause), such as a delay, on the force
     command_step: float = 0.02  # step of the difference quotient with respect to the command [A or V]
     filter_time_constant_s: float = 0.02  # The assumed filter has a bandwidth of 8 Hz.
     singular_value_ratio_min: float = 1e-9

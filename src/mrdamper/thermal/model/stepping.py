@@ -80,7 +80,10 @@ class System(Protocol):
         """Return the right-hand side f(y) at a state, with the shape of the state."""
 
     def linearise(self, state: FloatArray, shrunk: float) -> tuple[FloatArray, Solver]:
-        """Return f(y) at a state, and the solver of (M - shrunk df/dy) x = b; ``shrunk`` is a time [s]."""
+        """Return f(y) at a state, and a function that solves (M - ``shrunk`` df/dy) x = b for x.
+
+        ``shrunk`` is the time step [s] times gamma, a coefficient of the Rosenbrock method.
+        """
 
     def inertia(self, rate: FloatArray) -> FloatArray:
         """Return the product of M and a time derivative of the state."""
