@@ -237,9 +237,9 @@ def test_unchecked_run_is_not_marked_good(page):
     page.unroute_all(behavior="ignoreErrors")
 
 
-def test_channels_in_volts_offer_common_gains(folder, page):
+def test_channels_in_volts_offer_common_gains(site, page):
     """Buttons answer the questions for columns and units. The user then enters gains in mm/V and kN/V."""
-    root, client = folder
+    root, client = site
     a_logger_file(root / "runs" / "raw.txt")
     page.goto("/#/data?file=raw.txt")
     page.get_by_label("Which column is the displacement? CHANNEL0").click()
