@@ -492,6 +492,14 @@ def test_motion_and_force_without_current_is_a_question(tmp_path, name):
     assert [question.file for question in fault.value.questions] == [name]
 
 
+def test_table_of_peaks_is_no_run(tmp_path):
+    """All its columns of displacement are constant."""
+    full(tmp_path)
+    rows = "".join(f"{k},{250 + k},-250,14,-14\n" for k in range(4))
+    write(tmp_path, "peaks.csv", f"Cycle,Fmax [N],Fmin [N],Smax [mm],Smin [mm]\n{rows}")
+    assert_read(read_runs(tmp_path))
+
+
 def test_folder_without_runs_states_a_reason(tmp_path):
     write(
         tmp_path,

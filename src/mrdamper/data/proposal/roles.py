@@ -198,7 +198,7 @@ def _connected(headers: Sequence[Header], role: str, table: Table) -> list[Heade
         )
         if not (is_small and is_noise):
             kept.append(header)
-    return kept
+    return kept or list(headers)  # If all columns are constant, none of them is preferred.
 
 
 def _column_without_unit(
