@@ -21,6 +21,7 @@ from mrdamper.errors import InputError
 from mrdamper.identify.fit import fit_law
 from mrdamper.identify.fit_data import FitData
 from mrdamper.models.card_schema import write_card
+from mrdamper.web.context import Dampers
 from mrdamper.web.queries import QueryLine
 from mrdamper.web.schemas import ORDER_JOBS, request_fields
 from tests.support.campaigns import short_runs, write_csv, write_runs
@@ -261,6 +262,20 @@ def test_interrupt_ends_server_without_traceback(tmp_path, number):
         assert client.process.wait(timeout=10.0) == 0
         assert client.process.stderr is not None
         assert client.process.stderr.read() == ""
+
+
+def test_damper_that_failed_to_open_is_not_locked(tmp_path):
+    """A damper can be opened as soon as the cause of a first failure has been removed."""
+    dampers = Dampers(tmp_path, most_upload=1, local=True)
+    dampers.add("second")
+    obstacle = tmp_path / "dampers" / "second" / "runs" / ".upload-1"
+    obstacle.mkdir(parents=True)  # The server expects a file here and cannot delete a folder.
+    with pytest.raises(OSError, match=r"\.upload-1") as fault:
+        dampers.find("second")
+    obstacle.rmdir()
+    assert dampers.find("second").folder.runs == obstacle.parent
+    assert fault.tb is not None  # The traceback keeps all objects of the first attempt.
+    asyncio.run(dampers.close())
 
 
 def test_missing_web_library_names_install_command(tmp_path):

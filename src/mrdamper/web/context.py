@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Annotated, Any, TextIO, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from fastapi import Depends
 from starlette.requests import Request
@@ -82,7 +82,7 @@ class Dampers:
             "slots": asyncio.Semaphore(JOBS_AT_ONCE_MAX),
         }
         self.main = AppContext(root, **self._options)
-        self._opened: dict[str, tuple[AppContext, TextIO]] = {}  # contexts and folder locks
+        self._opened: dict[str, tuple[AppContext, ExitStack]] = {}  # contexts and folder locks
 
     def find(self, name: str | None) -> AppContext:
         """Return the context of a damper; the first request opens it. None: the work folder itself."""
@@ -90,10 +90,11 @@ class Dampers:
             return self.main
         if name not in self._opened:
             place = self._place(name)
-            claim = WorkFolder(place).claim()
-            context = AppContext(place, **self._options)
-            context.open()
-            self._opened[name] = context, claim
+            with ExitStack() as claim:  # If the context cannot be opened, the folder is unlocked again.
+                claim.enter_context(WorkFolder(place).claim())
+                context = AppContext(place, **self._options)
+                context.open()
+                self._opened[name] = context, claim.pop_all()
         return self._opened[name][0]
 
     def folders(self) -> dict[str, Path]:
