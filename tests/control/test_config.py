@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
 from mrdamper import core
-from mrdamper.control.config import compile_options, config_values
+from mrdamper.control.config import Config, compile_options
 from mrdamper.control.controllers import controllers_for
 from mrdamper.control.stepper import Flag
 from tests.support.cards import CHAIN, DOUBLE, SERIES, changed
@@ -27,9 +28,11 @@ def test_python_and_kernel_flags_are_equal():
 def test_configuration_fields_equal_fields_of_kernel():
     """The C header is written by hand. Its names and order must equal the fields of the dataclasses."""
     header = (KERNEL / "controller_config.h").read_text(encoding="utf-8")
-    structs = re.findall(r"typedef struct \{\n(.*?)\} mrd_config_(\w+);", header, re.DOTALL)
+    structs = re.findall(r"typedef struct \{\n(.*?)\} mrd_(\w+);", header, re.DOTALL)
     kernel = {part: re.findall(r"^ +\w+ (\w+);", members, re.MULTILINE) for members, part in structs}
-    assert kernel == {part: list(values) for part, values in config_values(RECOMMENDED.config).items()}
+    parts = {f"config_{each.name}": getattr(RECOMMENDED.config, each.name) for each in fields(Config)}
+    parts["lags"] = RECOMMENDED.config.actuation.lags
+    assert kernel == {name: [each.name for each in fields(part)] for name, part in parts.items()}
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,7 @@ from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import OperatingEnvelope
 from tests.support.cards import DOUBLE
 
-lags = st.floats(5e-4, 0.03)
+lag_times = st.floats(5e-4, 0.03)
 NO_LAG_S = 1e-9  # The smallest lag, because the matrix exponential requires a positive lag
 
 
@@ -46,7 +46,7 @@ def of_two_lags(first: float, second: float, time: float) -> tuple[float, float,
 
 
 @given(
-    rise=lags, fall=lags, second=st.floats(0.0, 0.02), delay=st.floats(0.0, 0.01),
+    rise=lag_times, fall=lag_times, second=st.floats(0.0, 0.02), delay=st.floats(0.0, 0.01),
     period=st.sampled_from([2e-4, 1e-3, 4e-3]),
 )  # fmt: skip
 def test_sampled_current_lags_equal_matrix_exponentials(rise, fall, second, delay, period):
@@ -55,13 +55,14 @@ def test_sampled_current_lags_equal_matrix_exponentials(rise, fall, second, dela
         rise, fall, second, delay, freewheel_time_s=0.04, saturation=1.6, hysteresis_width_A=0.02
     )
     found = sampled_actuation(actuation, period)
+    lags = found.lags
     assert found.dead_samples + found.dead_part == pytest.approx(delay / period, abs=1e-9)
     assert 0.0 <= found.dead_part < 1.0
     up, down = (of_two_lags(first, second, period) for first in (rise, fall))
-    assert (found.rise, found.fall, found.second) == pytest.approx((up[0], down[0], up[1]), abs=1e-9)
-    assert (found.rise_couple, found.fall_couple) == pytest.approx((up[2], down[2]), abs=1e-5)
-    assert found.second_ramp == pytest.approx(up[3], abs=1e-5)
-    assert found.freewheel_ratio == pytest.approx(period / 0.04)
+    assert (lags.rise, lags.fall, lags.second) == pytest.approx((up[0], down[0], up[1]), abs=1e-9)
+    assert (lags.rise_couple, lags.fall_couple) == pytest.approx((up[2], down[2]), abs=1e-5)
+    assert lags.second_ramp == pytest.approx(up[3], abs=1e-5)
+    assert lags.freewheel_ratio == pytest.approx(period / 0.04)
     assert (found.inverse_saturation_flux, found.hysteresis_width) == pytest.approx((1.0 / 1.6, 0.02))
 
 
@@ -69,12 +70,12 @@ def test_sampled_lags_are_continuous_at_limits():
     """With two equal lags, the second gap receives the fraction t/T exp(-t/T). A zero lag leaves no gap."""
     period = 2e-3
     same = sampled_actuation(Actuation(0.004, 0.004 * (1.0 + 1e-9), 0.004), period)
-    assert same.rise_couple == pytest.approx(0.5 * math.exp(-0.5))
-    assert same.fall_couple == pytest.approx(0.5 * math.exp(-0.5), rel=1e-6)
+    assert same.lags.rise_couple == pytest.approx(0.5 * math.exp(-0.5))
+    assert same.lags.fall_couple == pytest.approx(0.5 * math.exp(-0.5), rel=1e-6)
     none = sampled_actuation(Actuation(0.0, 0.0), period)
-    assert (none.rise, none.second, none.rise_couple, none.freewheel_ratio, none.inverse_saturation_flux) == (
-        0.0,
-    ) * 5
+    lags = none.lags
+    assert lags.rise == lags.second == lags.rise_couple == lags.freewheel_ratio == 0.0
+    assert none.inverse_saturation_flux == 0.0
 
 
 @pytest.mark.parametrize("wheel", [0.0, 0.06])
@@ -96,7 +97,8 @@ def test_prediction_horizon_covers_response_time(wheel, delay, dead):
     assert horizon_end(found) == pytest.approx(dead + span, rel=1e-9)
     assert found.step == pytest.approx(span / parts)
     up, down = (of_two_lags(first, 0.02, found.step) for first in (0.05, 0.045))
-    passed = (found.rise, found.fall, found.second, found.rise_couple, found.fall_couple, found.second_ramp)
+    lags = found.lags
+    passed = (lags.rise, lags.fall, lags.second, lags.rise_couple, lags.fall_couple, lags.second_ramp)
     assert passed == pytest.approx((up[0], down[0], up[1], up[2], down[2], up[3]), rel=1e-6)
 
 

@@ -91,10 +91,11 @@ class AppliedCurrent:
 
     def step(self, state: Underway, command: float) -> Underway:
         """Return the state at the end of a period with this constant command."""
-        lags = tuning.sampled_actuation(self.actuation, self.period_s)
+        sampled = tuning.sampled_actuation(self.actuation, self.period_s)
+        lags = sampled.lags
         line = (command, *state.line[:-1])
-        newer, older = line[lags.dead_samples], line[lags.dead_samples + 1]
-        given = newer + lags.dead_part * (older - newer)
+        newer, older = line[sampled.dead_samples], line[sampled.dead_samples + 1]
+        given = newer + sampled.dead_part * (older - newer)
         rises = given > state.first
         gap = state.first - given
         couple = lags.rise_couple if rises else lags.fall_couple

@@ -7,12 +7,12 @@ and ``thermal.h`` declare. ``c_code`` prints the result.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamper.control.config import Config, config_values
 from mrdamper.control.controllers import ForceController
 from mrdamper.control.realtime import RealtimeDamper
 from mrdamper.control.tables.card_tables import CURVES, SPEEDS
@@ -56,7 +56,7 @@ def track_members(part: RealtimeDamper | ForceController) -> dict[str, Value]:
     pieces, terms, _ = tables.factor.shape
     currents, columns = tables.column.shape
     return {
-        **_config(part.config),
+        **_config(part.config).members,
         "currents": currents,
         "pieces": pieces,
         "levels": tables.levels,
@@ -71,14 +71,15 @@ def track_members(part: RealtimeDamper | ForceController) -> dict[str, Value]:
     }
 
 
-def _config(config: Config) -> dict[str, Nested]:
-    """Return each part of a controller configuration with its members in the order of the C struct."""
-    return {
-        part: Nested(
-            {name: value if isinstance(value, float) else int(value) for name, value in values.items()}
-        )
-        for part, values in config_values(config).items()
-    }
+def _config(part: Any) -> Nested:  # noqa: ANN401 - a configuration or one of its parts
+    """Return the members of a configuration, or of one of its parts, in the order of the C struct."""
+    values = {each.name: getattr(part, each.name) for each in fields(part)}
+    return Nested(
+        {
+            name: _config(value) if is_dataclass(value) else value if isinstance(value, float) else int(value)
+            for name, value in values.items()
+        }
+    )
 
 
 def _series(tables: SeriesTables) -> dict[str, Value]:

@@ -196,7 +196,7 @@ def _flags(target: Target) -> Iterator[Variable]:
     yield output("flags", "all flags of the step, one bit each", 0, "integer")
     if target.thermal is not None:
         yield output("thermal_flags", "all flags of the thermal model, one bit each", 0, "integer")
-    yield output("fault", "a reading was rejected", int(FAULTS))
+    yield output("fault", "a reading was rejected or is missing", int(FAULTS))
     yield output("outside_envelope", "motion or temperature outside the identified range", int(_OUTSIDE))
     others = {"model": _OF_CONTROLLER, "controller": _OF_MODEL, "both": Flag(0)}[target.content]
     for each in flag_texts():

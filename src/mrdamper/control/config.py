@@ -7,7 +7,7 @@ the unit of the command. If the command of the card is a voltage, the unit is "V
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import IntEnum
 
 
@@ -60,11 +60,15 @@ class Gains:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionFilter:
-    """Filter that estimates the motion from the displacement."""
+    """Filter that estimates the motion from the displacement.
 
-    gain_x: float  # [-] correction of the displacement / measured minus predicted displacement
-    gain_v: float  # [1/s] correction of the velocity / the same difference
-    gain_a: float  # [1/s2] correction of the acceleration / the same difference
+    In each period, the filter predicts displacement, velocity and acceleration. It then corrects each of them
+    by a gain times the displacement error (measured minus predicted).
+    """
+
+    gain_x: float  # [-] correction of the displacement / displacement error
+    gain_v: float  # [1/s] correction of the velocity / displacement error
+    gain_a: float  # [1/s2] correction of the acceleration / displacement error
     holds_readings: bool  # True: the sensor repeats each reading for several periods; repetitions are ignored
     frequency_filter_gain: (
         float  # [-] weight of a new sample in the means of v^2 and a^2; 0: acceleration is assumed constant
@@ -77,30 +81,41 @@ class MotionFilter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceFilter:
-    """Filter that extrapolates the wanted force if the future wanted force is unknown."""
+    """Filter that extrapolates the wanted force if the future wanted force is unknown.
 
-    gain_f: float  # [-] correction of the force / wanted minus predicted force
-    gain_rate: float  # [1/s] correction of the rate of the force / the same difference
-    gain_second_derivative: float  # [1/s2] correction of the second derivative / same difference
+    In each period, the filter predicts the wanted force and its derivatives. It then corrects each of them by
+    a gain times the force error (wanted minus predicted).
+    """
+
+    gain_f: float  # [-] correction of the force / force error
+    gain_rate: float  # [1/s] correction of the rate of the force / force error
+    gain_second_derivative: float  # [1/s2] correction of the second derivative of the force / force error
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lags:
+    """Two first-order lags between command and flux, for a time interval: a period or a step of the horizon.
+
+    The output of the first lag is the input of the second lag. The *gap* of a lag is its input minus its
+    output.
+    """
+
+    rise: float  # [-] fraction of the gap of the first lag that remains after the interval, current rising
+    fall: float  # [-] the same fraction as ``rise`` while the current falls
+    second: float  # [-] fraction of the gap of the second lag that remains after the interval
+    rise_couple: float  # [-] fraction of the first gap that the interval adds to the second, current rising
+    fall_couple: float  # [-] the same fraction as ``rise_couple`` while the current falls
+    second_ramp: float  # [-] second gap at the end of a ramp of the first lag / change in the ramp
+    freewheel_ratio: float  # [-] interval / free-wheeling time constant; 0: no free-wheeling
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Actuation:
-    """Dead time, two lags and magnetic hysteresis between command and force.
-
-    The *gap* of a lag is the command (as flux) minus the output of the lag. The output of the first lag is
-    the input of the second lag.
-    """
+    """Dead time, lags and magnetic hysteresis between command and force."""
 
     dead_samples: int  # whole periods of the dead time
     dead_part: float  # [-] rest of the dead time, as a fraction of a period
-    rise: float  # [-] fraction of the gap of the first lag that remains after a period, current rising
-    fall: float  # [-] the same fraction as ``rise`` while the current falls
-    second: float  # [-] fraction of the gap of the second lag that remains after a period
-    rise_couple: float  # [-] fraction of the first gap that a period adds to the second gap, current rising
-    fall_couple: float  # [-] the same fraction as ``rise_couple`` while the current falls
-    second_ramp: float  # [-] second gap at the end of a ramp of the first lag / change in the ramp
-    freewheel_ratio: float  # [-] period divided by the free-wheeling time constant; 0: no free-wheeling
+    lags: Lags  # both lags in a period
     inverse_saturation_flux: float  # [1/A] b in the flux I / (1 + b I)
     hysteresis_width: float  # [A] half width of the magnetic hysteresis after the lags
     hysteresis_weight: float  # [-] fraction of the field with the hysteresis of ``hysteresis_width``, below 1
@@ -120,8 +135,7 @@ class Inverse:
 class Prediction:
     """Prediction horizon of the model-predictive controller, and costs of its command changes (moves).
 
-    *Step* means a time step of the horizon. ``rise`` to ``freewheel_ratio`` have the same meaning as in
-    ``Actuation``, for a step instead of a period.
+    *Step* means a time step of the horizon.
     """
 
     steps: int  # number of steps of the horizon, which starts after the dead time
@@ -133,13 +147,7 @@ class Prediction:
     fade: float  # [-] error weight of a step divided by the error weight of the previous step
     settled: float  # [-] fraction of the remaining build-up of hysteresis that is assumed to be complete
     calm: float  # [N/A] cost of a command change of one ampere, expressed as a force error
-    rise: float  # [-], as in ``Actuation``, and so are the next five fields
-    fall: float  # [-]
-    second: float  # [-]
-    rise_couple: float  # [-]
-    fall_couple: float  # [-]
-    second_ramp: float  # [-]
-    freewheel_ratio: float  # [-] step divided by the free-wheeling time constant; 0: no free-wheeling
+    lags: Lags  # both lags in a step
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -220,14 +228,6 @@ class Config:
     faults: Faults
     thermometer: Thermometer
     heating: HeatBalance
-
-
-def config_values(config: Config) -> dict[str, dict[str, float | int]]:
-    """Return the values of a configuration by part and name, in the order of the C structs."""
-    parts = {each.name: getattr(config, each.name) for each in fields(Config)}
-    return {
-        name: {each.name: getattr(part, each.name) for each in fields(part)} for name, part in parts.items()
-    }
 
 
 def compile_options(*configs: Config) -> Mapping[str, int]:

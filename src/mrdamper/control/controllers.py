@@ -414,8 +414,11 @@ def _variants(
 
 
 _NO_PREDICTION = config.Prediction(
-    steps=0, samples=1, together=1, step=0.0, stretch=1, dead=0.0, fade=0.0, settled=0.0, calm=0.0, rise=0.0,
-    fall=0.0, second=0.0, rise_couple=0.0, fall_couple=0.0, second_ramp=0.0, freewheel_ratio=0.0,
+    steps=0, samples=1, together=1, step=0.0, stretch=1, dead=0.0, fade=0.0, settled=0.0, calm=0.0,
+    lags=config.Lags(
+        rise=0.0, fall=0.0, second=0.0, rise_couple=0.0, fall_couple=0.0, second_ramp=0.0,
+        freewheel_ratio=0.0,
+    ),
 )  # fmt: skip
 
 

@@ -41,8 +41,8 @@ class Flag(IntFlag):
     INTERNAL_FAULT = 65536  # the state was not finite and was reset
 
 
-FAULTS = Flag(127) | Flag.NO_CURRENT | Flag.FROZEN_TEMPERATURE | Flag.NO_VELOCITY | Flag.INTERNAL_FAULT
-"""Flags of invalid inputs, except a missing force reading (``NO_FORCE``)."""
+FAULTS = Flag(255) | Flag.NO_CURRENT | Flag.FROZEN_TEMPERATURE | Flag.NO_VELOCITY | Flag.INTERNAL_FAULT
+"""Flags of invalid or missing inputs, and of an invalid state."""
 
 
 @dataclass(frozen=True, slots=True)

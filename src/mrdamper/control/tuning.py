@@ -59,21 +59,13 @@ def actuation_of(damper: Damper) -> Actuation:
 def sampled_actuation(actuation: Actuation, period_s: float) -> config.Actuation:
     """Return the discrete-time model of delay and lags of the force for a sampling period [s].
 
-    The result includes the effect of the first lag on the second during a period (``rise_couple`` and
-    ``fall_couple``). Therefore the response is exact if the command is constant during each period.
+    The response is exact if the command is constant during each period.
     """
     samples, part = divmod(actuation.delay_s / period_s, 1.0)
-    (rise, fall), second = (actuation.rise_s, actuation.fall_s), actuation.second_s
     return config.Actuation(
         dead_samples=int(samples),
         dead_part=part,
-        rise=_remaining(rise, period_s),
-        fall=_remaining(fall, period_s),
-        second=_remaining(second, period_s),
-        rise_couple=_couple(rise, second, period_s),
-        fall_couple=_couple(fall, second, period_s),
-        second_ramp=_ramp(second, period_s),
-        freewheel_ratio=_freewheel_ratio(actuation, period_s),
+        lags=_lags(actuation, period_s),
         inverse_saturation_flux=1.0 / actuation.saturation if actuation.saturation > 0.0 else 0.0,
         hysteresis_width=actuation.hysteresis_width_A,
         hysteresis_weight=actuation.hysteresis_weights[0],
@@ -208,13 +200,7 @@ def prediction_of(
             (SETTINGS.implicit_move_cost_ratio_max if spread else SETTINGS.move_cost_ratio_max)
             * abs(force_per_command),
         ),
-        rise=_remaining(actuation.rise_s, step),
-        fall=_remaining(actuation.fall_s, step),
-        second=_remaining(actuation.second_s, step),
-        rise_couple=_couple(actuation.rise_s, actuation.second_s, step),
-        fall_couple=_couple(actuation.fall_s, actuation.second_s, step),
-        second_ramp=_ramp(actuation.second_s, step),
-        freewheel_ratio=_freewheel_ratio(actuation, step),
+        lags=_lags(actuation, step),
     )
 
 
@@ -241,12 +227,22 @@ def _filter_time(period_s: float, gain_a: float) -> float:
     return math.pow(period_s / gain_a, 1.0 / 3.0)
 
 
+def _lags(actuation: Actuation, time: float) -> config.Lags:
+    """Return both lags for a time interval [s], with the effect of the first lag on the second lag."""
+    rise, fall, second = actuation.rise_s, actuation.fall_s, actuation.second_s
+    return config.Lags(
+        rise=_remaining(rise, time),
+        fall=_remaining(fall, time),
+        second=_remaining(second, time),
+        rise_couple=_couple(rise, second, time),
+        fall_couple=_couple(fall, second, time),
+        second_ramp=_ramp(second, time),
+        freewheel_ratio=time / actuation.freewheel_time_s if actuation.freewheel_time_s > 0.0 else 0.0,
+    )
+
+
 def _remaining(lag: float, time: float) -> float:
     return math.exp(-time / lag) if lag > 0.0 else (0.0 if time > 0.0 else 1.0)
-
-
-def _freewheel_ratio(actuation: Actuation, time: float) -> float:
-    return time / actuation.freewheel_time_s if actuation.freewheel_time_s > 0.0 else 0.0
 
 
 def _ramp(lag: float, time: float) -> float:

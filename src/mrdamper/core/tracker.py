@@ -185,19 +185,12 @@ class Tracker:
         return self._arrays[-1]
 
     def _set_config(self, config: object) -> bool:
-        for part, kind in self._build.ffi.typeof("mrd_track").fields:
-            if not kind.type.cname.startswith("mrd_config_"):
-                continue
-            values, struct = getattr(config, part), getattr(self.native, part)
-            for name, field in kind.type.fields:
-                value, cname = getattr(values, name), field.type.cname
-                if cname not in ("float", "double"):
-                    value = int(value)
-                    largest = {"int32_t": COUNT_MAX, "int": COUNT_MAX, "_Bool": 1}.get(cname, CHOICE_MAX)
-                    if not 0 <= value <= largest:
-                        return False
-                setattr(struct, name, value)
-        return True
+        parts = self._build.ffi.typeof("mrd_track").fields
+        return all(
+            _set_members(getattr(self.native, name), part.type, getattr(config, name))
+            for name, part in parts
+            if part.type.cname.startswith("mrd_config_")
+        )
 
     def _set_terms(self, rows: bytes, current: FloatArray, factor: FloatArray, column: FloatArray) -> bool:
         t, (pieces, terms, _), (currents, columns) = self.native, factor.shape, column.shape
@@ -310,6 +303,23 @@ def follow(
         memory += [at, *arrays]
     motion = doubles(displacement, "displacement"), doubles(velocity, "velocity")
     return bool(lib.mrd_follow(DOUBLE.api, native, steps, *motion, every, apart, len(loops), members))
+
+
+def _set_members(struct: Any, kind: Any, values: object) -> bool:  # noqa: ANN401 - types of cffi
+    """Set the members of a C structure and of its inner structures. Return False if an integer is invalid."""
+    for name, field in kind.fields:
+        value, cname = getattr(values, name), field.type.cname
+        if field.type.kind == "struct":
+            if not _set_members(getattr(struct, name), field.type, value):
+                return False
+            continue
+        if cname not in ("float", "double"):
+            value = int(value)
+            largest = {"int32_t": COUNT_MAX, "int": COUNT_MAX, "_Bool": 1}.get(cname, CHOICE_MAX)
+            if not 0 <= value <= largest:
+                return False
+        setattr(struct, name, value)
+    return True
 
 
 def _members(struct: Any, kind: str) -> list[str]:  # noqa: ANN401 - a type of cffi

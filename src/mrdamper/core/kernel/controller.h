@@ -168,7 +168,7 @@ typedef struct {
     mrd_move_cost cost;
 } mrd_prediction;
 
-/* Flags of the last step. The first seven flags, and the flags from MRD_NO_CURRENT on, report invalid inputs. */
+/* Flags of the last step. The first eight flags, and the flags from MRD_NO_CURRENT on, report faults. */
 enum {
     MRD_NO_DISPLACEMENT = 1, /* displacement is NaN or beyond its limit */
     MRD_FROZEN = 2, /* displacement is constant although the damper moved */

@@ -56,11 +56,12 @@ typedef struct {
     mrd_real friction_force; /* factor on the friction force [-] */
 } mrd_config_gains;
 
-/* Filter that estimates the motion from the displacement. */
+/* Filter that estimates the motion from the displacement. In each period, the filter predicts displacement x, velocity v
+ * and acceleration a. It then corrects each of them by a gain times the displacement error (measured minus predicted). */
 typedef struct {
-    mrd_real gain_x; /* gain of the displacement [-] */
-    mrd_real gain_v; /* gain of the velocity [1/s] */
-    mrd_real gain_a; /* gain of the acceleration [1/s2] */
+    mrd_real gain_x; /* correction of the displacement / displacement error [-] */
+    mrd_real gain_v; /* correction of the velocity / displacement error [1/s] */
+    mrd_real gain_a; /* correction of the acceleration / displacement error [1/s2] */
     bool holds_readings; /* the sensor repeats each reading for several periods; repetitions are ignored */
     mrd_real frequency_filter_gain; /* weight of a sample in the means of v^2 and a^2; 0: constant acceleration [-] */
     int32_t settle_samples; /* number of periods until the filter has settled */
@@ -69,24 +70,31 @@ typedef struct {
     mrd_real acceleration_noise_variance; /* variance of a caused by sensor noise [m2/s4] */
 } mrd_config_motion;
 
-/* Filter that extrapolates the wanted force if the future wanted force is unknown. */
+/* Filter that extrapolates the wanted force if the future wanted force is unknown. In each period, the filter predicts the
+ * wanted force and its derivatives. It then corrects each of them by a gain times the force error (wanted minus predicted). */
 typedef struct {
-    mrd_real gain_f; /* gain of the force [-] */
-    mrd_real gain_rate; /* gain of the rate of the force [1/s] */
-    mrd_real gain_second_derivative; /* gain of the second derivative of the force [1/s2] */
+    mrd_real gain_f; /* correction of the force / force error [-] */
+    mrd_real gain_rate; /* correction of the rate of the force / force error [1/s] */
+    mrd_real gain_second_derivative; /* correction of the second derivative of the force / force error [1/s2] */
 } mrd_config_reference;
 
-/* Dead time, two lags and magnetic hysteresis between command and force. The gap of a lag is its input minus output. */
+/* Two first-order lags between command and flux, for a time interval: a period or a step of the horizon. The output of
+ * the first lag is the input of the second lag. The gap of a lag is its input minus its output. */
+typedef struct {
+    mrd_real rise; /* fraction of the gap of the first lag that remains after the interval, current rising [-] */
+    mrd_real fall; /* like `rise`, current falling [-] */
+    mrd_real second; /* fraction of the gap of the second lag that remains after the interval [-] */
+    mrd_real rise_couple; /* fraction of the first gap that the interval adds to the second gap, current rising [-] */
+    mrd_real fall_couple; /* like `rise_couple`, current falling [-] */
+    mrd_real second_ramp; /* second gap at the end of a ramp of the first lag / change in the ramp [-] */
+    mrd_real freewheel_ratio; /* interval / free-wheeling time constant; 0: no free-wheeling [-] */
+} mrd_lags;
+
+/* Dead time, lags and magnetic hysteresis between command and force. */
 typedef struct {
     int32_t dead_samples; /* whole periods of the dead time */
     mrd_real dead_part; /* rest of the dead time, as a fraction of a period [-] */
-    mrd_real rise; /* fraction of the gap of the first lag that remains after a period, current rising [-] */
-    mrd_real fall; /* like `rise`, current falling [-] */
-    mrd_real second; /* fraction of the gap of the second lag that remains after a period [-] */
-    mrd_real rise_couple; /* fraction of the first gap that a period adds to the second gap, current rising [-] */
-    mrd_real fall_couple; /* like `rise_couple`, current falling [-] */
-    mrd_real second_ramp; /* second gap at the end of a ramp of the first lag / change in the ramp [-] */
-    mrd_real freewheel_ratio; /* period divided by the free-wheeling time constant; 0: no free-wheeling [-] */
+    mrd_lags lags; /* both lags in a period */
     mrd_real inverse_saturation_flux; /* b in the flux I / (1 + b I) [1/A] */
     mrd_real hysteresis_width; /* half width of the magnetic hysteresis after the lags [A] */
     mrd_real hysteresis_weight; /* fraction of the field with this hysteresis, below 1 [-] */
@@ -112,13 +120,7 @@ typedef struct {
     mrd_real fade; /* error weight of a step divided by the error weight of the previous step [-] */
     mrd_real settled; /* fraction of the remaining build-up of hysteresis that is assumed to be complete [-] */
     mrd_real calm; /* cost of a command change of one ampere, expressed as a force error [N/A] */
-    mrd_real rise; /* fraction of the gap of the first lag that remains after a step, current rising [-] */
-    mrd_real fall; /* like `rise`, current falling [-] */
-    mrd_real second; /* fraction of the gap of the second lag that remains after a step [-] */
-    mrd_real rise_couple; /* fraction of the first gap that a step adds to the second gap, current rising [-] */
-    mrd_real fall_couple; /* like `rise_couple`, current falling [-] */
-    mrd_real second_ramp; /* second gap at the end of a ramp of the first lag / change in the ramp [-] */
-    mrd_real freewheel_ratio; /* step divided by the free-wheeling time constant; 0: no free-wheeling [-] */
+    mrd_lags lags; /* both lags in a step */
 } mrd_config_prediction;
 
 /* Feedback of a measured force: feedback law, gains and disturbance observer. */

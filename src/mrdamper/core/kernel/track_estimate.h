@@ -290,16 +290,17 @@ static inline mrd_real second_lag_after_ramp(mrd_real second, mrd_real keep, mrd
 /* Step both lags by one period with a held command. The step is exact except for a free-wheeling current. */
 static inline void step_lags(const mrd_track *c, mrd_real command, mrd_real *first, mrd_real *second)
 {
+    const mrd_lags *lags = &c->actuation.lags;
     const mrd_real input = flux_of(c, command), gap = *first - input;
     const bool rises = input > *first;
-    const mrd_real couple = rises ? c->actuation.rise_couple : c->actuation.fall_couple;
+    const mrd_real couple = rises ? lags->rise_couple : lags->fall_couple;
     const mrd_real past = *second, before = *first;
-    *second = input + c->actuation.second * (past - input) + couple * gap;
-    *first = input + (rises ? c->actuation.rise : c->actuation.fall) * gap;
-    if (!(c->actuation.freewheel_ratio > R(0.0)) || rises) return;
-    const mrd_real wheeled = freewheel_flux(c, before, c->actuation.freewheel_ratio, NULL);
+    *second = input + lags->second * (past - input) + couple * gap;
+    *first = input + (rises ? lags->rise : lags->fall) * gap;
+    if (!(lags->freewheel_ratio > R(0.0)) || rises) return;
+    const mrd_real wheeled = freewheel_flux(c, before, lags->freewheel_ratio, NULL);
     if (!(wheeled > *first)) return; /* Free-wheeling is faster than the lag and has no effect. */
-    *second = second_lag_after_ramp(past, c->actuation.second, c->actuation.second_ramp, before, wheeled);
+    *second = second_lag_after_ramp(past, lags->second, lags->second_ramp, before, wheeled);
     *first = wheeled;
 }
 

@@ -66,26 +66,26 @@ static void horizon_current(const mrd_track *c, mrd_prediction *w, int moves, mr
  * increase is used, because with a zero derivative the move would never be raised again. */
 static void step_horizon_lags(const mrd_track *c, mrd_prediction *w, mrd_real input, mrd_real input_slope, int m)
 {
-    const mrd_config_prediction *p = &c->prediction;
+    const mrd_lags *lags = &c->prediction.lags;
     const bool rises = input > w->first_lag_flux.at;
-    mrd_real keep = rises ? p->rise : p->fall, couple = rises ? p->rise_couple : p->fall_couple;
-    mrd_real by_second = R(1.0) - p->second - couple, by_first = R(1.0) - keep;
+    mrd_real keep = rises ? lags->rise : lags->fall, couple = rises ? lags->rise_couple : lags->fall_couple;
+    mrd_real by_second = R(1.0) - lags->second - couple, by_first = R(1.0) - keep;
     mrd_real first = input + keep * (w->first_lag_flux.at - input);
-    mrd_real second = input + p->second * (w->second_lag_flux.at - input) + couple * (w->first_lag_flux.at - input);
-    if (c->actuation.freewheel_ratio > R(0.0) && !rises) {
+    mrd_real second = input + lags->second * (w->second_lag_flux.at - input) + couple * (w->first_lag_flux.at - input);
+    if (lags->freewheel_ratio > R(0.0) && !rises) {
         mrd_real slope;
-        const mrd_real wheeled = freewheel_flux(c, w->first_lag_flux.at, p->freewheel_ratio, &slope);
+        const mrd_real wheeled = freewheel_flux(c, w->first_lag_flux.at, lags->freewheel_ratio, &slope);
         if (wheeled > first) {
             first = wheeled;
-            second = second_lag_after_ramp(w->second_lag_flux.at, p->second, p->second_ramp, w->first_lag_flux.at, wheeled);
+            second = second_lag_after_ramp(w->second_lag_flux.at, lags->second, lags->second_ramp, w->first_lag_flux.at, wheeled);
             keep = slope;
-            couple = second_lag_after_ramp(R(0.0), p->second, p->second_ramp, R(1.0), slope);
-            by_second = R(1.0) - p->second - p->rise_couple;
-            by_first = R(1.0) - p->rise;
+            couple = second_lag_after_ramp(R(0.0), lags->second, lags->second_ramp, R(1.0), slope);
+            by_second = R(1.0) - lags->second - lags->rise_couple;
+            by_first = R(1.0) - lags->rise;
         }
     }
     for (int n = 0; n <= m; n++) {
-        w->second_lag_flux.by[n] = p->second * w->second_lag_flux.by[n] + couple * w->first_lag_flux.by[n];
+        w->second_lag_flux.by[n] = lags->second * w->second_lag_flux.by[n] + couple * w->first_lag_flux.by[n];
         w->first_lag_flux.by[n] *= keep;
     }
     w->second_lag_flux.by[m] += by_second * input_slope;
