@@ -21,8 +21,7 @@ from pathlib import PurePath
 from typing import ClassVar, Self
 
 _PART_NAMES = ("place", "found", "expected", "remedy")
-_LINE_LENGTH_MAX = 4000
-_LINE_COUNT_MAX = 200
+_MESSAGE_LENGTH_MAX = 20_000  # characters
 _SHOWN_FAULTS_MAX = 8  # faults in one message
 
 
@@ -53,20 +52,21 @@ class MrdamperError(Exception):
     ) -> None:
         self.place, self.found, self.expected, self.remedy = str(place), found, expected, remedy
         self.faults = tuple(faults)
-        super().__init__(self._message())
+        super().__init__(found)
 
-    def _message(self) -> str:
+    def __str__(self) -> str:
+        return _shorten(f"{self}")
+
+    def __format__(self, _: str) -> str:
+        """Return the complete message, for use inside another message."""
         if self.faults:
-            return "\n".join(_first([f"{fault}" for fault in self.faults], _SHOWN_FAULTS_MAX, "like these"))
+            more = len(self.faults) - _SHOWN_FAULTS_MAX
+            rest = [f"... and {more} more like these"] if more > 0 else []
+            return "\n".join([*map(format, self.faults[:_SHOWN_FAULTS_MAX]), *rest])
         message = f"{self.place}: {self.found}" if self.place else self.found
         message += f"; expected {self.expected}" if self.expected else ""
         mark = "; " if self.remedy[:1].islower() else ". "
         return f"{message}{mark}{self.remedy}" if self.remedy else message
-
-    def move_to(self, place: str) -> None:
-        """Change the place, because only the caller has the path of a file that was passed as a value."""
-        self.place = place
-        self.args = (self._message(),)
 
     def prepend_place(self, place: str | PurePath) -> Self:
         """Return this error with a place in front of its place, such as the file in front of the field.
@@ -76,20 +76,13 @@ class MrdamperError(Exception):
         moved = copy.copy(self)
         moved.faults = tuple(fault.prepend_place(place) for fault in self.faults)
         if self.place != str(place) and not self.place.startswith(f"{place}: "):
-            moved.move_to(f"{place}: {self.place}" if self.place else str(place))
+            moved.place = f"{place}: {self.place}" if self.place else str(place)
         return moved
 
     def renamed(self, name: str, other: str) -> Self:
         """Return this error with every occurrence of a file name replaced."""
         parts = {part: getattr(self, part).replace(name, other) for part in _PART_NAMES}
         return type(self)(**parts, faults=[fault.renamed(name, other) for fault in self.faults])
-
-    def __str__(self) -> str:
-        return _shorten(self.args[0])
-
-    def __format__(self, form: str) -> str:
-        """Return the complete message, for use inside another message."""
-        return format(self.args[0], form)
 
     def parts(self) -> dict[str, str]:
         """Return the non-empty values of place, found, expected and remedy."""
@@ -99,21 +92,10 @@ class MrdamperError(Exception):
         return {name: _shorten(text) for name, text in parts.items() if text}
 
 
-def _first(lines: Sequence[str], most: int, words: str) -> list[str]:
-    """Return the first lines, and one line with the number of omitted lines."""
-    return [*lines[:most], *([f"... and {len(lines) - most} more {words}"] if len(lines) > most else [])]
-
-
 def _shorten(text: str) -> str:
-    """Return a text with a limited number of lines. The middle of very long lines is cut."""
-    half = _LINE_LENGTH_MAX // 2
-    lines = [
-        line
-        if len(line) <= _LINE_LENGTH_MAX
-        else f"{line[:half]} ... ({len(line) - 2 * half} characters left out) ... {line[-half:]}"
-        for line in text.split("\n")
-    ]
-    return "\n".join(_first(lines, _LINE_COUNT_MAX, "lines"))
+    """Return a text without the middle if it is very long."""
+    half, omitted = _MESSAGE_LENGTH_MAX // 2, len(text) - _MESSAGE_LENGTH_MAX
+    return f"{text[:half]} ... ({omitted} characters omitted) ... {text[-half:]}" if omitted > 0 else text
 
 
 class InputError(MrdamperError, ValueError):

@@ -214,16 +214,13 @@ class Field:
         """Return the expected value, such as ``a number in mm, above 0``."""
         if self.option.expected:
             return self.option.expected
+        before = self._list_words if self.many else ""
         if self.choices:
-            words = f"one of: {', '.join(self.choices)}"
-        elif dataclasses.is_dataclass(self.item):
-            words = "a table"
-        else:
-            words = _WORDS.get(get_origin(self.item) or self.item, "a table")
-            unit = f" in {self.option.unit}" if self.option.unit else ""
-            limits = f", {self.option.range_words}" if self.option.range_words else ""
-            words = f"{words}{unit}{limits}"
-        return f"{self._list_words}{words}" if self.many else words
+            return f"{before}one of: {', '.join(self.choices)}"
+        kind = _WORDS.get(get_origin(self.item) or self.item, "a table")
+        unit = f" in {self.option.unit}" if self.option.unit else ""
+        limits = f", {self.option.range_words}" if self.option.range_words else ""
+        return f"{before}{kind}{unit}{limits}"
 
     @property
     def _list_words(self) -> str:
@@ -315,11 +312,11 @@ def read_record(record: type[Record], document: Mapping[str, Any], place: str) -
     except (TypeError, ValueError, RecursionError) as error:
         raise InputError(place=place, found="nested too deep, or not made of plain values") from error
     try:
-        found = _adapter(typing.cast("Any", record)).validate_json(text, strict=True)
+        found: Record = _adapter(typing.cast("Any", record)).validate_json(text, strict=True)
     except ValidationError as error:
         faults = [_fault(record, each, place) for each in error.errors(include_url=False)]
         raise InputError(faults=list({str(fault): fault for fault in faults}.values())) from None
-    return typing.cast("Record", found)
+    return found
 
 
 @cache
@@ -361,7 +358,6 @@ def _fault(record: type, fault: Mapping[str, Any], place: str) -> MrdamperError:
         error = unknown_name(f"{words} {unknown!r}", str(last), [each.key for each in known], place)
         hints = (each.option.remedy for each in known if each.key in error.remedy)
         error.remedy = " ".join(filter(None, (error.remedy, next(hints, ""))))
-        error.move_to(place)
         return error
     _, field = _locate(record, location)
     expected, remedy = str(message).removeprefix("Input should be "), ""
@@ -390,32 +386,23 @@ def _locate(record: type, place: Sequence[int | str]) -> tuple[tuple[Field, ...]
 
 
 def _shown(value: object) -> str:
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    words = repr(value)
+    words = str(value) if isinstance(value, float) else repr(value)
     return words if len(words) <= _VALUE_LENGTH_MAX else f"{words[:_VALUE_LENGTH_MAX]} ..."
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the end of a message about an unknown name: the nearest known names, or all of them.
+def unknown_name(found: str, name: str, known: Iterable[str], place: str | Path = "") -> InputError:
+    """Return the error for an unknown name, with the nearest known names or a list of all known names.
 
     Upper and lower case are not distinguished. A long list of names is cut.
     """
     names = {each.lower(): each for each in known}
     near = difflib.get_close_matches(name.lower(), names, n=3, cutoff=0.6)
     if near:
-        return f"did you mean {' or '.join(names[each] for each in near)}?"
+        remedy = f"did you mean {' or '.join(names[each] for each in near)}?"
+        return InputError(found, place=place, remedy=remedy)
     shown = list(names.values())[:_SHOWN_NAMES_MAX]
     more = f" and {len(names) - len(shown)} more" if len(names) > len(shown) else ""
-    return f"expected one of: {', '.join(shown)}{more}" if names else "expected none"
-
-
-def unknown_name(found: str, name: str, known: Iterable[str], place: str | Path = "") -> InputError:
-    """Return the error for an unknown name, with the nearest known names or all of them."""
-    words = did_you_mean(name, known)
-    if words.startswith("expected "):
-        return InputError(found, place=place, expected=words.removeprefix("expected "))
-    return InputError(found, place=place, remedy=words)
+    return InputError(found, place=place, expected=f"one of: {', '.join(shown)}{more}" if names else "none")
 
 
 def check_ranges(record: object, place: str) -> None:
@@ -452,10 +439,9 @@ def write_record(record: object, *, defaults: bool = False, nulls: bool = False)
     Fields with None are omitted unless ``nulls`` (null in JSON). Fields with their default are omitted
     unless ``defaults``.
     """
-    adapter = _adapter(typing.cast("Any", type(record)))
-    leave_out = {"exclude_defaults": not defaults, "exclude_none": not nulls}
-    table: Json = adapter.dump_python(
-        record, mode="json", by_alias=True, warnings=False, fallback=dict, **leave_out
+    omitted = {"exclude_defaults": not defaults, "exclude_none": not nulls}
+    table: Json = _adapter(typing.cast("Any", type(record))).dump_python(
+        record, mode="json", by_alias=True, warnings=False, fallback=dict, **omitted
     )
     return table
 

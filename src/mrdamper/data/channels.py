@@ -24,7 +24,7 @@ from mrdamper.data.formats.table import FileOptions
 from mrdamper.errors import InputError
 from mrdamper.files import read_toml
 from mrdamper.quantities import QUANTITIES, find_quantity, spell_unit, to_si
-from mrdamper.schema import did_you_mean, read_record, unknown_name
+from mrdamper.schema import read_record, unknown_name
 
 COMMANDS = ("current", "voltage")  # roles of the command of a damper
 
@@ -98,9 +98,7 @@ class Channel(ChannelTable):
                 place=where, found=f"{wanted!r} is {len(found)} columns", remedy="Give its index"
             )
         if not found:
-            raise InputError(
-                place=where, found=f"no column {wanted!r}; {did_you_mean(wanted, map(repr, names))}"
-            )
+            raise unknown_name(f"no column {wanted!r}", wanted, map(repr, names), where)
         return found[0]
 
     def to_si(self, raw: FloatArray, header_unit: str, place: str) -> FloatArray:

@@ -69,7 +69,6 @@ class Frame:
         except AskingError as fault:
             if not fault.faults:
                 fault.remedy = _REMEDY
-                fault.move_to(fault.place)
             raise
 
     def _table(self) -> Table:

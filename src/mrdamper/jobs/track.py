@@ -35,7 +35,7 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.results import JobResult
 from mrdamper.runtime.pool import Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
-from mrdamper.schema import did_you_mean
+from mrdamper.schema import unknown_name
 from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.virtual_rig.campaign import default_campaign
 from mrdamper.virtual_rig.damper import PRESETS, HydraulicDamper, VirtualDamper, read_damper
@@ -71,10 +71,8 @@ def read_plant(name: str | Path) -> TrackedDamper:
         virtual = read_damper(text)
         return TrackedDamper(virtual.name, virtual)
     if not text.endswith(".json") and not is_there(text):
-        raise InputError(
-            f"there is no plant {text!r}",
-            remedy=f"{did_you_mean(text, PRESETS)} (or the path of a card, or of a virtual damper's TOML)",
-        )
+        words = f"{text!r} is neither a preset nor the path of a card or of a virtual damper's TOML"
+        raise unknown_name(words, text, PRESETS)
     return TrackedDamper(text, read_card(text))
 
 
@@ -540,7 +538,7 @@ def _no_controller(name: str, card: ModelCard, every: Mapping[str, Controller]) 
         check_name(name, card.damper.law.name)
     except InputError as error:
         return error.prepend_place("card")
-    return InputError(f"there is no controller {name!r}", remedy=did_you_mean(name, every))
+    return unknown_name(f"there is no controller {name!r}", name, every)
 
 
 def _check_lag(cards: Mapping[str, tuple[str, ModelCard]]) -> None:

@@ -23,7 +23,7 @@ from mrdamper.models.damper import LAG, Damper, OperatingEnvelope
 from mrdamper.models.force_band import ForceBand
 from mrdamper.quantities import to_degC
 from mrdamper.results import Picture, load
-from mrdamper.schema import did_you_mean
+from mrdamper.schema import unknown_name
 
 SPLITS = ("training", "held_out")
 _RUN_KEYS = ("name", "split", "rmse_N", "nrmse_percent")
@@ -101,9 +101,7 @@ class ModelCard(Picture):
         parameters = (*self.damper.parameters, LAG)
         for name in self.standard_errors:
             if name not in parameters:
-                raise InputError(
-                    place="standard_errors", found=f"no parameter {name!r}; {did_you_mean(name, parameters)}"
-                )
+                raise unknown_name(f"no parameter {name!r}", name, parameters, "standard_errors")
         if (self.damper.law.python is None) != (self.python_law is None):
             raise InputError(
                 f"law {self.damper.law.name!r} and python_law {self.python_law!r} disagree",

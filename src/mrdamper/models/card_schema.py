@@ -36,7 +36,7 @@ from mrdamper.models.dependence import (
 from mrdamper.models.force_band import ForceBand
 from mrdamper.models.laws import LAWS, HysteresisLaw
 from mrdamper.models.temperature import FACTORS, factor_parameter_names, make_factor
-from mrdamper.schema import Json, NotNegative, Option, did_you_mean, read_record, unknown_name, write_record
+from mrdamper.schema import Json, NotNegative, Option, read_record, unknown_name, write_record
 
 SCHEMA_VERSION = 4
 
@@ -373,9 +373,7 @@ def _law_of(record: CardRecord, place: str, python_law: HysteresisLaw | None) ->
     """Return the law of a card. A user-defined law must be passed as ``python_law``."""
     if record.python_law is None:
         if record.law not in LAWS:
-            raise InputError(
-                place=place, found=f"law: there is no law {record.law!r}; {did_you_mean(record.law, LAWS)}"
-            )
+            raise unknown_name(f"law: there is no law {record.law!r}", record.law, LAWS, place)
         return LAWS[record.law]
     if python_law is None:
         raise InputError(

@@ -22,7 +22,7 @@ from mrdamper.models.actuation import Actuation
 from mrdamper.models.dependence import Constant, ParameterLaw, TemperatureDependent
 from mrdamper.models.laws import HysteresisLaw
 from mrdamper.quantities import ZERO_CELSIUS_K, CommandUnit
-from mrdamper.schema import Option, did_you_mean
+from mrdamper.schema import Option, unknown_name
 
 LAG = "command_lag_s"
 """Name of the command lag among the parameters. It belongs to the damper, not to a coefficient."""
@@ -93,9 +93,7 @@ class Damper:
         law, given = self.law, self.coefficients
         for name in given:
             if name not in law.names:
-                raise InputError(
-                    place=law.name, found=f"no coefficient {name!r}; {did_you_mean(name, law.names)}"
-                )
+                raise unknown_name(f"no coefficient {name!r}", name, law.names, law.name)
         missing = [c.name for c in law.coefficients if c.name not in given and c.default is None]
         if missing:
             raise InputError(place=law.name, found=f"{', '.join(missing)} not given, and there is no default")
@@ -173,9 +171,7 @@ class Damper:
         present = self.parameters
         for name in parameters:
             if name not in present:
-                raise InputError(
-                    place=self.law.name, found=f"no parameter {name!r}; {did_you_mean(name, present)}"
-                )
+                raise unknown_name(f"no parameter {name!r}", name, present, self.law.name)
         changed = {
             coefficient: form.with_parameters(
                 [

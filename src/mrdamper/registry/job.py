@@ -87,9 +87,9 @@ class Job:
             raise InputError(f"{', '.join(missing)} is None", place=place, expected="a path or an object")
         options = self.options_from({field.name: given[field.name] for field in self.fields})
         things: dict[str, Any] = {each.name: given[each.name] for each in self.inputs}
-        names = [each.name for each in self.reading]
-        checked: Any = read_record(load(_READING), {name: given[name] for name in names}, self.name)
-        things |= {name: getattr(checked, name) for name in names}
+        reading = {each.name: given[each.name] for each in self.reading}
+        checked: Any = read_record(load(_READING), reading, self.name)
+        things |= {name: getattr(checked, name) for name in reading}
         progress = given.get("on_progress")
         outputs = {each.name: Path(given[each.name]) for each in self.outputs if given[each.name]}
         if outputs:
@@ -131,7 +131,7 @@ class Job:
         except MrdamperError as fault:
             name, *parts = fault.place.split(": ")
             if isinstance(path := given.get(name), str | Path):
-                fault.move_to(": ".join([str(path), *parts]))
+                fault.place = ": ".join([str(path), *parts])
             raise
 
     def perform(
@@ -163,13 +163,10 @@ class Job:
         # Import the report before the job, because an interrupted job has no time for imports.
         reported = self.reported
         things = self._read(given)
-        if out is None and not outputs:
-            result = self._run(given, things, options, on_progress)
-            return result, {**self._head(given), **reported.answer(result)}
         folders = self._places(out, outputs)
         more: dict[str, Any] = {}
         with ExitStack() as stack:
-            if self.checkpoint:
+            if self.checkpoint and out is not None:
                 store = stack.enter_context(load(self.checkpoint)(folders[""], resume=resume))
                 more = {"checkpoint": store}
             # The paths are prepared first, so that an unwritable path is reported before the computation.

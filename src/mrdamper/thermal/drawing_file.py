@@ -13,7 +13,7 @@ from typing import Annotated
 
 from mrdamper.errors import InputError
 from mrdamper.files import parse_toml, read_text, toml_text
-from mrdamper.schema import Json, Option, did_you_mean, fields_of, read_record, write_record
+from mrdamper.schema import Json, Option, fields_of, read_record, unknown_name, write_record
 from mrdamper.thermal.drawing import (
     Body,
     Calibration,
@@ -147,7 +147,7 @@ def sink_of(text: str, place: str) -> HeatSink:
     known = [each.key for each in fields_of(DrawingTables)]
     for key in document:
         if key not in known:
-            raise InputError(place=place, found=f"unknown key {key!r}; {did_you_mean(key, known)}")
+            raise unknown_name(f"unknown key {key!r}", key, known, place)
     found = _sink_of(document, place)
     if found is None:
         raise InputError(

@@ -138,11 +138,3 @@ class MapRequest:
     map: Mapping[str, Any] | None = None
     save: bool = False
     head: bool = False  # Read only the beginning of large files.
-
-    def __post_init__(self) -> None:
-        def depth(value: object) -> int:
-            inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-            return 1 + max(map(depth, inner), default=0)
-
-        if self.map is not None and depth(self.map) > 5:
-            raise InputError(found="map is nested too deep", expected="the tables of a channel map")

@@ -94,7 +94,7 @@ def relocate(fault: MrdamperError, name: str, shown: str) -> None:
     for item in fault.faults:
         relocate(item, name, shown)
     if fault.place.startswith(name) or not fault.place:
-        fault.move_to(fault.place.replace(name, shown, 1))
+        fault.place = fault.place.replace(name, shown, 1)
 
 
 @dataclass(frozen=True, slots=True)
