@@ -119,7 +119,7 @@ def test_correct_runs_have_no_finding(noisy):
     [
         ("force_gain", 0.2, 1.2, "", "its force is 1."),
         ("force_gain", -0.15, 0.85, "", "its force is 0.8"),
-        ("force_delay", 4e-3, 4e-3, "s", "ms later"),
+        ("force_delay", 4e-3, 4e-3, "s", "its force has a delay of "),
         ("force_offset_of_run", 60.0, 60.0, "N", "shifted by +"),
     ],
 )

@@ -31,35 +31,37 @@ CAUSES: Mapping[str, Cause] = MappingProxyType(
     {
         "force_delay": Cause(
             "s", 1.0e-3, 3.2, 0.15,
-            "its force comes {size:.3g} ms later than that of the other runs, by a delay or a filter",
-            "A delay is taken for hysteresis: the yield displacement comes out wrong",
-            "Compare filters and converters of this file with the others'",
+            "its force has a delay of {size:.3g} ms relative to the other runs, for example by a filter",
+            "The fit describes the delay as hysteresis, so the yield displacement of the card is wrong",
+            "Compare the filters and converters of this run with those of the other runs",
         ),
         "force_gain": Cause(
             "", 0.03, 2.5, 0.4,
-            "its force is {size:.3f} times that of the other runs",
-            "Peak force and viscosity of the card are pulled towards this run's",
-            "Check the load cell's range and amplifier, and the current: one run does not distinguish them",
+            "its force is {size:.3f} times the force of the other runs",
+            "This run changes the peak force and the viscosity of the card",
+            "Check the range and amplifier of the load cell, and the current, because one run does not show "
+            "which of them is wrong",
         ),
         "command_label": Cause(
             "A", 0.02, 2.5, 0.4,
-            "its force is that of the other runs at a command {size:+.3f} {unit} away from its label",
-            "The force of the card is wrong near this run's command",
-            "Check the current against the source's record, and the gain of the force: one run does not "
-            "distinguish them",
+            "its force equals the force of the other runs at another command, which differs by {size:+.3f} "
+            "{unit} from the command of this run",
+            "The force of the card is wrong near the command of this run",
+            "Compare the current with the record of the current source, and check the gain of the force, "
+            "because one run does not show which of them is wrong",
         ),
         "force_saturation": Cause(
             "", 0.06, 4.0, 0.4,
-            "its force bends away from that of the other runs by {size:.2g} of its peak, as an "
-            "amplifier does near its end",
-            "Peak forces and viscosity of the card come out too small",
-            "Compare the load cell's range with the peak force, and record again with a larger one",
+            "its force peaks are flatter than the peaks of the other runs, by {size:.2g} of the peak force, "
+            "as with an amplifier near the end of its range",
+            "Peak forces and viscosity of the card are too small",
+            "Compare the range of the load cell with the peak force, and repeat the run with a larger range",
             weight=0.7,
         ),
         "force_offset_of_run": Cause(
             "N", 3.0, 6.0, 0.5,
-            "its force is shifted by {size:+.4g} N against that of the other runs",
-            "A model without an offset leaves it in its error",
+            "its force is shifted by {size:+.4g} N relative to the force of the other runs",
+            "A model without an offset cannot describe this shift, so its error is larger",
             "Zero the load cell before each run",
         ),
     }

@@ -62,10 +62,10 @@ def _common_deviations(analysis: ResidualAnalysis, settings: ConsistencySettings
         channel="force",
         size=effect.size,
         unit="s",
-        found=f"the force of all runs together is {words} relative to the displacement, and the hysteresis "
-        "of the model does not explain it",
-        effect="Yield displacement and viscosity include the lag of the channel",
-        remedy="Give both channels the same filter and converter, or shift the force by the delay",
+        found=f"the force of all runs is {words} relative to the displacement, beyond the hysteresis of the "
+        "model",
+        effect="Yield displacement and viscosity of the card include the lag of the force channel",
+        remedy="Use the same filter and converter for both channels, or shift the force by the delay",
     )
     yield effect.fraction, finding.add_interval(effect.standard_error)
 
@@ -111,11 +111,11 @@ def _two_groups(analysis: ResidualAnalysis, kind: str, settings: ConsistencySett
         channel="force",
         size=size if is_delay else 1.0 + size,
         unit="s" if is_delay else "",
-        found=f"the force of {which} is {difference_in_words} than that of the others",
-        effect="Yield displacement and viscosity of the card are between those of the two groups"
+        found=f"the force of {which} is {difference_in_words} than the force of the other runs",
+        effect="Yield displacement and viscosity of the card are between the values of the two groups"
         if is_delay
         else "One card is fitted to two dampers, two temperatures or two calibrations",
-        remedy="Compare filters and converters of the two groups; fit them separately until then"
+        remedy="Compare the filters and converters of the two groups; until then, fit the groups separately"
         if is_delay
         else "Fit the two groups separately and compare the cards; record the temperature",
     )
@@ -139,8 +139,8 @@ def _drift(analysis: ResidualAnalysis, settings: ConsistencySettings) -> Iterato
         size=effect.size,
         found=f"the force {'grows' if effect.size > 0.0 else 'falls'} by {percent(abs(effect.size))} from "
         f"the first to the last of the {count} runs, at the same command and motion",
-        effect="The card is valid for the middle of the campaign, and its error is the drift",
-        remedy="Record the temperature with each run (a damper that heats loses force), or check the "
+        effect="The card describes the middle of the campaign, and its error includes the drift",
+        remedy="Record the temperature of each run because the force falls with temperature, and check the "
         "amplifier for drift; repeat the first run at the end",
     )
     yield effect.fraction, finding.add_interval(effect.standard_error)

@@ -251,7 +251,7 @@ def _run_finding(run: PreparedRun, deviation: Deviation) -> Finding:
         unit=unit if kind == "command_label" else cause.unit,
         found=cause.words.format(size=1e3 * size if kind == "force_delay" else value, unit=unit),
         effect=cause.effect,
-        remedy=f"{cause.remedy}; until then leave the run out",
+        remedy=f"{cause.remedy}; until then, exclude the run",
     ).add_interval(deviation.standard_error)
 
 
@@ -272,7 +272,9 @@ def _exchanged_labels(
         if settings.exchange_ratio_min < ratios.min() and ratios.max() < settings.exchange_ratio_max:
             error = abs(difference) * float(np.ptp(ratios))
             finding = _run_finding(runs[a], Deviation("command_label", difference, error, 1.0, 1.0))
-            found = f"it has the force of {runs[b].name}'s command, and that run its own: the two seem to be "
-            found += "exchanged"
-            remedy = "Exchange the two files' commands, or leave both out until it is known"
+            found = (
+                f"its force belongs to the command of {runs[b].name}, and the force of that run to this "
+                "command: the two commands are probably exchanged"
+            )
+            remedy = "Exchange the commands of the two runs, or exclude both runs until the cause is known"
             yield a, replace(finding, kind="labels_exchanged", found=found, remedy=remedy)
