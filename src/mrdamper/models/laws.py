@@ -110,27 +110,29 @@ class HysteresisLaw:
         return tuple(found)
 
 
-_RHO = Coefficient("rho", "1/m", "inverse yield displacement of the hysteresis", False, 1e-2, 1e8)
-_KAPPA = Coefficient(
-    "kappa", "-", "shape on the unloading side: (gamma - beta)/(gamma + beta)", False, -1.0, 1.0
+_RHO = Coefficient(
+    "rho", "1/m", "inverse of the displacement at which the hysteresis yields", False, 1e-2, 1e8
 )
-_EXPONENT = Coefficient("n", "-", "sharpness of the yield knee", False, 0.2, 20.0)
-_YIELD = Coefficient("yield_force", "N", "force of the yielding (hysteretic) part", True, 0.0)
+_KAPPA = Coefficient(
+    "kappa", "-", "shape of the unloading branch: (gamma - beta)/(gamma + beta)", False, -1.0, 1.0
+)
+_EXPONENT = Coefficient("n", "-", "sharpness of the transition to yielding", False, 0.2, 20.0)
+_YIELD = Coefficient("yield_force", "N", "force of the hysteretic part when it yields", True, 0.0)
 
 COMMON: tuple[Coefficient, ...] = (
-    Coefficient("viscosity", "N s/m", "viscous damping in parallel (at 0.1 m/s)", True, 0.0, default=0.0),
-    Coefficient("stiffness", "N/m", "spring rate (gas, seals)", True, 0.0, default=0.0),
+    Coefficient("viscosity", "N s/m", "viscous force divided by speed, at 0.1 m/s", True, 0.0, default=0.0),
+    Coefficient("stiffness", "N/m", "stiffness of the spring (gas, seals)", True, 0.0, default=0.0),
     Coefficient("offset", "N", "constant force (gas preload)", True, default=0.0),
-    Coefficient("mass", "kg", "moving mass between damper and force cell", True, 0.0, default=0.0),
+    Coefficient("mass", "kg", "moving mass between damper and load cell", True, 0.0, default=0.0),
     Coefficient("coulomb_friction", "N", "kinetic friction of seals and guides", True, 0.0, default=0.0),
+    Coefficient("breakaway_friction", "N", "static minus kinetic friction force", True, 0.0, default=0.0),
     Coefficient(
-        "breakaway_friction", "N", "static minus kinetic friction (Stribeck)", True, 0.0, default=0.0
+        "stribeck_velocity", "m/s", "speed at which breakaway_friction falls to 37 %", False, 1e-6, 10.0, 3e-3
     ),
-    Coefficient("stribeck_velocity", "m/s", "velocity over which breakaway fades", False, 1e-6, 10.0, 3e-3),
     Coefficient(
-        "transition_velocity", "m/s", "velocity over which friction changes sign", False, 1e-7, 10.0, 5e-4
+        "transition_velocity", "m/s", "speed at which friction reaches 76 %", False, 1e-7, 10.0, 5e-4
     ),
-    Coefficient("viscous_exponent", "-", "power of velocity in the viscous force", False, 0.05, 2.0, 1.0),
+    Coefficient("viscous_exponent", "-", "exponent of the speed in the viscous force", False, 0.05, 2.0, 1.0),
 )
 """Coefficients that every law of the kernel has, in the order of the kernel."""
 
@@ -140,11 +142,11 @@ _IN_CHAIN: tuple[Coefficient, ...] = tuple(
 )
 
 _COMPLIANCE: tuple[Coefficient, ...] = (
-    Coefficient("gap_stiffness", "N/m", "stiffness once the free play is closed", False, 1.0, 1e12),
+    Coefficient("gap_stiffness", "N/m", "stiffness of the spring outside the free play", False, 1.0, 1e12),
     Coefficient("gap", "m", "half width of the free play", False, 0.0, 1.0),
-    Coefficient("gap_corner", "m", "rounding radius of the free play's corners", False, 1e-9, 1.0),
-    Coefficient("leak_damping", "N (s/m)^mB", "dashpot across the free play", False, 0.0, 1e12),
-    Coefficient("leak_exponent", "-", "power of velocity in that dashpot", False, 0.2, 2.0, 1.0),
+    Coefficient("gap_corner", "m", "rounding radius of the corners of the free play", False, 1e-9, 1.0),
+    Coefficient("leak_damping", "N (s/m)^mB", "dashpot parallel to spring and free play", False, 0.0, 1e12),
+    Coefficient("leak_exponent", "-", "exponent of the speed in the dashpot force", False, 0.2, 2.0, 1.0),
 )
 """Coefficients of the elastic element of the laws in series.
 
@@ -162,20 +164,20 @@ def _term(
 _CHAIN: tuple[Coefficient, ...] = (
     *(replace(c, lower=-math.inf) if c.name == "stiffness" else c for c in _IN_CHAIN),
     Coefficient("yield_force", "N", "yield force of the valve", False, 0.0),
-    Coefficient(
-        "yield_velocity", "m/s", "velocity over which the viscoplastic yield changes sign", False, 1e-9, 10.0
-    ),
+    Coefficient("yield_velocity", "m/s", "speed scale at which the fluid yields", False, 1e-9, 10.0),
     _term("thinning", "-", "shear-thinning force divided by yield force, at the reference speed", 0.0),
-    _term("thinning_force", "N", "constant shear-thinning force, at the reference speed", 0.0),
-    _term("thinning_exponent", "-", "power of velocity in both", 0.6, 0.05, 2.0),
-    _term("reference_speed", "m/s", "reference speed of thinning and dashpot", VISCOUS_SPEED, 1e-9, 1e3),
-    _term("orifice", "N s^2/m^2", "force that grows with the square of velocity", 0.0),
-    _term("asymmetry", "-", "yield in extension divided by the mean, minus one", 0.0, -0.5, 0.5),
+    _term("thinning_force", "N", "constant part of the shear-thinning force, at the reference speed", 0.0),
+    _term("thinning_exponent", "-", "exponent of speed in both thinning forces", 0.6, 0.05, 2.0),
     _term(
-        "flow_asymmetry", "-", "thinning and orifice in extension divided by mean, minus one", 0.0, -0.9, 0.9
+        "reference_speed", "m/s", "reference speed of shear thinning and dashpot", VISCOUS_SPEED, 1e-9, 1e3
     ),
-    _term("position_gain", "1/m", "relative growth of the valve force with travel", 0.0, -math.inf),
-    _term("position_curvature", "1/m^2", "the same with its square", 0.0, -math.inf),
+    _term("orifice", "N s^2/m^2", "orifice force divided by the square of the speed", 0.0),
+    _term("asymmetry", "-", "yield force in extension / mean of both directions, minus one", 0.0, -0.5, 0.5),
+    _term("flow_asymmetry", "-", "thinning and orifice in extension / mean, minus one", 0.0, -0.9, 0.9),
+    _term("position_gain", "1/m", "relative increase of the valve force per displacement", 0.0, -math.inf),
+    _term(
+        "position_curvature", "1/m^2", "relative increase of valve force per displacement^2", 0.0, -math.inf
+    ),
     *(
         replace(c, lower=1e-6)
         if c.name == "gap_stiffness"
@@ -186,29 +188,25 @@ _CHAIN: tuple[Coefficient, ...] = (
         else c
         for c in _COMPLIANCE
     ),
-    _term("bristle_share", "-", "fraction of yield force that bristles carry before yield", 0.0, 0.0, 1.0),
-    _term("bristle_stiffness", "N/m", "stiffness of those bristles", 1e6),
-    _term("bristle_spread", "-", "spread of their stiffnesses, as a logarithm", 0.0, 0.0, 10.0),
-    _term("friction_force", "N", "friction, as a bristle", 0.0),
-    _term("friction_stiffness", "N/m", "stiffness of that bristle", 1e6),
+    _term("bristle_share", "-", "fraction of the yield force that elastic bristles carry", 0.0, 0.0, 1.0),
+    _term("bristle_stiffness", "N/m", "stiffness of the first elastic bristle", 1e6),
+    _term("bristle_spread", "-", "logarithm of the stiffness ratio of elastic bristles", 0.0, 0.0, 10.0),
+    _term("friction_force", "N", "kinetic friction force of the friction bristle", 0.0),
+    _term("friction_stiffness", "N/m", "stiffness of the friction bristle", 1e6),
     _term("static_excess", "-", "static friction divided by kinetic friction, minus one", 0.0, 0.0, 1e2),
-    _term("fade_velocity", "m/s", "velocity over which that excess fades", 1e-3, 1e-9, 10.0),
-    _term("memory_force", "N", "force of the bristle with memory of long travel", 0.0),
-    _term("memory_stiffness", "N/m", "stiffness of that bristle", 1e4),
-    _term("gas_force", "N", "force of a gas volume at mid-stroke", 0.0, -math.inf),
-    _term("gas_length", "m", "length of that volume", 1.0, 1e-9),
+    _term("fade_velocity", "m/s", "speed at which static_excess falls to 37 %", 1e-3, 1e-9, 10.0),
+    _term("memory_force", "N", "largest force of the memory bristle, which slips after long travel", 0.0),
+    _term("memory_stiffness", "N/m", "stiffness of the memory bristle", 1e4),
+    _term("gas_force", "N", "force of a gas volume at zero displacement", 0.0, -math.inf),
+    _term("gas_length", "m", "length of this gas volume at zero displacement", 1.0, 1e-9),
     _term("play", "m", "half width of a free play in series with the whole damper", 0.0, 0.0, 1.0),
-    _term(
-        "follow_share", "-", "fraction of the bristle force that follows the current at once", 0.0, 0.0, 1.0
-    ),
-    _term("creep", "m/(N s)", "growth of the yield velocity with the yield force", 0.0),
-    _term("knee", "-", "fraction of the yield that rises linearly to a corner", 0.0, 0.0, 1.0),
-    _term("cavity_length", "m", "length of the gas charge that opens a cavity as the damper retracts", 0.0),
-    _term(
-        "cavity_force", "N", "force of that charge on the piston, beyond which the cavity opens", 1e3, 1e-6
-    ),
-    _term("bubble_length", "m", "length of the free gas in it at rest", 1e-5, 1e-12),
-    _term("bypass", "m/(s N^0.5)", "leak speed before yield, divided by the root of the force", 0.0),
+    _term("follow_share", "-", "fraction of bristle force that follows the current at once", 0.0, 0.0, 1.0),
+    _term("creep", "m/(N s)", "increase of the yield velocity per yield force", 0.0),
+    _term("knee", "-", "fraction of yield_force that rises linearly with speed, to a corner", 0.0, 0.0, 1.0),
+    _term("cavity_length", "m", "length of the gas charge; a cavity can open in retraction", 0.0),
+    _term("cavity_force", "N", "force of the gas charge; a larger force opens the cavity", 1e3, 1e-6),
+    _term("bubble_length", "m", "length of the free gas in the cavity at rest", 1e-5, 1e-12),
+    _term("bypass", "m/(s N^0.5)", "speed of the flow past the valve / root of the force", 0.0),
 )
 
 _LAWS = (
@@ -234,7 +232,9 @@ _LAWS = (
             *COMMON,
             _YIELD,
             Coefficient("rate_force", "N", "hysteretic force that builds up with speed", True, 0.0),
-            Coefficient("saturation_velocity", "m/s", "speed at half of rate_force", False, 1e-6, 1e2),
+            Coefficient(
+                "saturation_velocity", "m/s", "speed at which half of rate_force acts", False, 1e-6, 1e2
+            ),
             _RHO,
             _KAPPA,
             _EXPONENT,
@@ -250,7 +250,7 @@ _LAWS = (
             _YIELD,
             Coefficient("second_force", "N", "force of the second, slower hysteretic part", True, 0.0),
             _RHO,
-            replace(_RHO, name="second_rho", description="inverse yield displacement of the second part"),
+            replace(_RHO, name="second_rho", description="as rho, for the second part"),
             _KAPPA,
             _EXPONENT,
         ),
@@ -263,9 +263,7 @@ _LAWS = (
         (
             *COMMON,
             _YIELD,
-            Coefficient(
-                "yield_velocity", "m/s", "velocity over which the yield force changes sign", False, 1e-7, 10.0
-            ),
+            Coefficient("yield_velocity", "m/s", "speed at which 76 % of yield_force act", False, 1e-7, 10.0),
         ),
         "yield_velocity > 0; passive for yield_force, viscosity >= 0; no hysteresis",
         3,
@@ -276,8 +274,8 @@ _LAWS = (
         (
             *COMMON,
             _YIELD,
-            Coefficient("slope", "s/m", "steepness of the yield force in velocity", False, 1e-3, 1e6),
-            Coefficient("shift", "-", "shift of the curve with the sign of displacement", False, -20.0, 20.0),
+            Coefficient("slope", "s/m", "steepness of the yield force versus velocity", False, 1e-3, 1e6),
+            Coefficient("shift", "-", "shift of the curve by the sign of displacement", False, -20.0, 20.0),
         ),
         "slope > 0, yield_force, viscosity >= 0; with shift != 0 it can push for a moment near zero "
         "velocity, though a closed cycle about x = 0 takes work",
@@ -290,16 +288,11 @@ _LAWS = (
             *COMMON,
             _YIELD,
             _RHO,
+            Coefficient("static_excess", "-", "static / kinetic yield force, minus one", False, 0.0, 1e2),
             Coefficient(
-                "static_excess",
-                "-",
-                "static yield force divided by kinetic yield force, minus one",
-                False,
-                0.0,
-                1e2,
+                "fade_velocity", "m/s", "speed at which static_excess falls to 37 %", False, 1e-6, 10.0
             ),
-            Coefficient("fade_velocity", "m/s", "velocity over which that excess fades", False, 1e-6, 10.0),
-            Coefficient("bristle_damping", "N s/m", "damping of the bristles' own velocity", True, 0.0),
+            Coefficient("bristle_damping", "N s/m", "damping of the bristle deflection", True, 0.0),
         ),
         "rho > 0, static_excess >= 0: bounded (|w| <= 1 + static_excess) and unique; passive for "
         "yield_force, bristle_damping >= 0 and viscosity >= static_excess bristle_damping (enough)",
@@ -333,12 +326,12 @@ _LAWS = (
                 "thinning", "(s/m)^m", "shear-thinning force divided by yield force at 1 m/s", False, 0.0, 1e4
             ),
             Coefficient(
-                "thinning_exponent", "-", "power of velocity in the shear-thinning part", False, 0.05, 1.5
+                "thinning_exponent", "-", "exponent of speed in the thinning force", False, 0.05, 1.5
             ),
+            Coefficient("yield_velocity", "m/s", "speed at which 76 % of yield_force act", False, 1e-7, 10.0),
             Coefficient(
-                "yield_velocity", "m/s", "velocity over which the yield force changes sign", False, 1e-7, 10.0
+                "position_gain", "1/m", "relative increase of the valve force per displacement", False
             ),
-            Coefficient("position_gain", "1/m", "relative growth of the valve force with position", False),
             *_COMPLIANCE,
         ),
         "yield_force, thinning, leak_damping >= 0, 1 + position_gain x > 0 over the stroke: then passive by "
