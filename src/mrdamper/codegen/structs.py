@@ -63,9 +63,9 @@ def track_members(part: RealtimeDamper | ForceController) -> dict[str, Value]:
         "begin": tables.begin,
         "row": tables.rows,
         "quarter": tables.quarters,
-        "current": Table(tables.currents, f"{currents} commands"),
-        "factor": Table(tables.factor, f"[{pieces} pieces of temperature][{terms} terms][parabola]"),
-        "column": Table(tables.column, f"[{currents} commands][{columns} terms]"),
+        "current": Table(tables.currents, f"[{currents} commands] of the columns of the tables [A or V]"),
+        "factor": Table(tables.factor, f"[{pieces} temperature pieces][{terms} terms][3], parabolas"),
+        "column": Table(tables.column, f"[{currents} commands][{columns} terms], factors of the command"),
         **{name: _lookup(table) for name, table in zip((*CURVES, *SPEEDS), tables.lookups, strict=True)},
         "series": Pointer("mrd_series", None if tables.series is None else _series(tables.series)),
     }
@@ -108,8 +108,8 @@ def _power(table: Power) -> Nested:
             "top": table.top,
             "bits": table.bits,
             "octaves": len(table.scale),
-            "scale": Table(table.scale, f"factors of {len(table.scale)} octaves"),
-            "cell": Table(table.cell, f"cubics of {len(table.cell)} cells, one octave"),
+            "scale": Table(table.scale, f"power function: factors of {len(table.scale)} octaves"),
+            "cell": Table(table.cell, f"power function: cubics of {len(table.cell)} cells in one octave"),
         }
     )
 
@@ -122,7 +122,7 @@ def _lookup(table: LookupTable) -> Nested:
             "top": table.top,
             "bits": table.bits,
             "cells": cells,
-            "cell": Table(table.cell, f"cubics of {cells} cells"),
+            "cell": Table(table.cell, f"lookup function: cubics of {cells} cells"),
         }
     )
 
@@ -181,12 +181,18 @@ def thermal_members(model: CompactModel, period_s: float, amperes_per_command: f
         "electrical": Table(model.electrical, f"[{n} states], fraction of the coil heat"),
         "area": Table(model.loss, f"[{kinds} kinds of surface][{n}][{n}], area [m^2]"),
         "mean": Table(model.mean, f"[{kinds} kinds of surface][{n}], mean temperature"),
-        "radiation": Table(model.radiation, f"[{kinds} kinds of surface], [W/(m^2 K^4)]"),
-        "mount": Table(model.mount, f"[{kinds} kinds of surface], [W/(m^2 K)]"),
+        "radiation": Table(model.radiation, f"[{kinds} kinds of surface], radiation [W/(m^2 K^4)]"),
+        "mount": Table(model.mount, f"[{kinds} kinds of surface], conductance of the mount [W/(m^2 K)]"),
         "speed": Table(films.speed, "air speed [m/s]"),
         "above": Table(films.above, "surface minus ambient [K]"),
-        "film": Table(films.film, f"[{len(films.film)} laws][3 ambients][speeds][differences], [W/(m^2 K)]"),
-        "row": Table(rows, f"[{len(rows)} rows][{n}]"),
-        "through": Table(through, f"[{len(rows)} rows][power, coil heat], [K/W]"),
-        "gain": Table(sensor_gains(model, update), f"[2 sensors][{n} states, missing heat]"),
+        "film": Table(
+            films.film, "[laws][3 ambients][speeds][differences], heat-transfer coefficient [W/(m^2 K)]"
+        ),
+        "row": Table(rows, f"[{len(rows)} temperatures][{n} states]: temperature of a part per state [K/K]"),
+        "through": Table(
+            through, f"[{len(rows)} temperatures][power, coil heat], direct effect of heat [K/W]"
+        ),
+        "gain": Table(
+            sensor_gains(model, update), f"[2 sensors][{n} states, missing heat]: corrections per kelvin"
+        ),
     }
