@@ -158,12 +158,13 @@ def check(
     Parameters
     ----------
     files : Read these runs: files, folders or patterns.
-    channels : Read columns with this channel map (TOML), which assigns them to quantities. Default: the map
-        in the folder of the runs, or the headers.
-    answer : Answer a question that a file leaves open, for example force.unit=kN. Topics: unit, column,
-        scale, value, rate, part. A pattern of names and a colon before it select files. Repeatable.
-    deep : Fit one model to all runs, and report runs that are inconsistent with the others.
-    write_map : Write the channel map with which the files were read. It can be edited and used with
+    channels : Read the files with this channel map (TOML), which states the quantity and unit of each column.
+        Default: the map in the folder of the runs, or the headers.
+    answer : State a fact that the files do not contain, for example force.unit=kN. Topics: unit, column,
+        scale, value, rate, part. The answer lab_*:force.unit=kN is used only for files with such a name.
+        Repeatable.
+    deep : Fit one model to all runs, and report runs that are inconsistent with the other runs.
+    write_map : Write the channel map that was used for the files to this file. Edit it, and pass it to
         --channels.
     """
     return _run("check", locals())
@@ -188,25 +189,27 @@ def fit(
     law : Fit this hysteresis model: chain, series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating,
         spencer, lugre, dahl, bingham, tanh, or a class as FILE.py:CLASS. The choice auto selects a model by
         cross-validation. Default: auto.
-    fluid : Take the temperature dependence from a fluid: paper, lord-mrf-132dg, or a fluid file. The card
-        marks it as assumed. Default: none.
+    fluid : Use the temperature dependence of this fluid if the runs have one temperature: paper,
+        lord-mrf-132dg, or a fluid file. The card marks the dependence as assumed. Default: none.
     preparation : Prepare the runs with these settings. None selects the settings of the job.
     settings : Use these numerical settings (FitSettings). None selects the default settings.
-    channels : Read columns with this channel map (TOML), which assigns them to quantities. Default: the map
-        in the folder of the runs, or the headers.
-    answer : Answer a question that a file leaves open, for example force.unit=kN. Topics: unit, column,
-        scale, value, rate, part. A pattern of names and a colon before it select files. Repeatable.
+    channels : Read the files with this channel map (TOML), which states the quantity and unit of each column.
+        Default: the map in the folder of the runs, or the headers.
+    answer : State a fact that the files do not contain, for example force.unit=kN. Topics: unit, column,
+        scale, value, rate, part. The answer lab_*:force.unit=kN is used only for files with such a name.
+        Repeatable.
     flip_force : Reverse the sign of the force, for load cells with positive compression.
     only : Use only runs whose names match this pattern. Repeatable. Default: all runs.
-    hold_out : Exclude runs whose names match this pattern, and use them as a test. Repeatable.
+    hold_out : Exclude runs whose names match this pattern from the fit, and test the model on them.
+        Repeatable.
     posterior : Compute this number of posterior samples, for 90 % intervals of parameters and forces.
-    one_command : Accept runs with a single current. The model is then valid only for this current.
+    one_command : Accept runs that all have the same current. The model is then valid only for this current.
     terms : Add a term to the model: friction, mass, viscosity, thinning or gas. The model chain also has
         orifice, bristles, spread, stribeck, memory, position, curvature, stiffness, asymmetry,
         flow-asymmetry, gas-volume, leak, play and follow. Use none for a model without terms. Repeatable.
         Default: friction, and thinning if the runs have several temperatures.
     temperature : Use this temperature dependence of the parameters. The choice auto is arrhenius if the runs
-        have several temperatures.
+        have several temperatures, otherwise none.
     jobs : Use this number of parallel processes. The result does not depend on it. Default: all cores.
     """
     return _run("fit", locals())
@@ -224,13 +227,15 @@ def evaluate(
     card : Read this model card.
     runs : Read these runs: files, folders or patterns.
     preparation : Prepare the runs with these settings. None selects the settings of the job.
-    law : Load this class, if the card was fitted with a hysteresis model of your own.
-    channels : Read columns with this channel map (TOML), which assigns them to quantities. Default: the map
-        in the folder of the runs, or the headers.
-    answer : Answer a question that a file leaves open, for example force.unit=kN. Topics: unit, column,
-        scale, value, rate, part. A pattern of names and a colon before it select files. Repeatable.
+    law : Load this Python class if the card was fitted with your own hysteresis model.
+    channels : Read the files with this channel map (TOML), which states the quantity and unit of each column.
+        Default: the map in the folder of the runs, or the headers.
+    answer : State a fact that the files do not contain, for example force.unit=kN. Topics: unit, column,
+        scale, value, rate, part. The answer lab_*:force.unit=kN is used only for files with such a name.
+        Repeatable.
     flip_force : Reverse the sign of the force, for load cells with positive compression.
-    posterior : Compute 90 % intervals with this number of posterior samples from the folder of the card.
+    posterior : Compute 90 % intervals with this number of posterior samples, which fit wrote next to the
+        card.
     """
     return _run("evaluate", locals())
 
@@ -245,10 +250,13 @@ def simulate(
     ----------
     card : Read this model card.
     motion : Simulate this motion: MOTION:CURRENT:DURATION, such as sine:10mm:1Hz:1A:2s, or the file of a run.
-    law : Load this class, if the card was fitted with a hysteresis model of your own.
-    temperature_degC : Use this fluid temperature, in degC, if the motion has none [degC], -60 to 200.
-    rate_Hz : Sample the motion at this rate, in Hz, if it is given as text [Hz], above 0 and at most 100000.
-    posterior : Compute 90 % intervals with this number of posterior samples from the folder of the card.
+    law : Load this Python class if the card was fitted with your own hysteresis model.
+    temperature_degC : Use this fluid temperature, in degC, if the file of the run contains no temperature
+        [degC], -60 to 200.
+    rate_Hz : Sample a motion such as sine:10mm:1Hz:1A:2s at this rate, in Hz. A run keeps its own samples
+        [Hz], above 0 and at most 100000.
+    posterior : Compute 90 % intervals with this number of posterior samples, which fit wrote next to the
+        card.
     """
     return _run("simulate", locals())
 
@@ -262,7 +270,7 @@ def compare(
     ----------
     first : Read this card as the reference.
     second : Compare this card with the reference.
-    law : Load this class, if the card was fitted with a hysteresis model of your own.
+    law : Load this Python class if the card was fitted with your own hysteresis model.
     """
     return _run("compare", locals())
 
@@ -275,10 +283,10 @@ def cycles(
     Parameters
     ----------
     record : Read this record.
-    channels : Read columns with this channel map (TOML), which assigns them to quantities. Default: the map
-        in the folder of the runs, or the headers.
-    least_stroke_mm : Ignore cycles with a smaller stroke, in mm [mm], above 0 and below 1e+06. Default: 5 %
-        of the displacement range.
+    channels : Read the files with this channel map (TOML), which states the quantity and unit of each column.
+        Default: the map in the folder of the runs, or the headers.
+    least_stroke_mm : Ignore cycles with a stroke below this value, in mm [mm], above 0 and below 1e+06.
+        Default: 5 % of the displacement range.
     """
     return _run("cycles", locals())
 
@@ -299,8 +307,8 @@ def heat(
     drawing : Read the dimensions of the damper from this geometry file (TOML). Default: paper.
     duty : Apply this load cycle: MOTION:CURRENT:DURATION, or a CSV file with time, motion and current.
     sink : Use the heat sink of this file (TOML table [sink]). Default: the heat sink of the geometry file.
-    calibrate : Calibrate the geometry file with a measured heating curve of the same load cycle. The CSV file
-        has the columns time_s and fluid_degC, body_degC or coil_degC.
+    calibrate : Adjust the thermal model to a measured heating curve of the same load cycle. The CSV file has
+        two columns: time_s, and fluid_degC, body_degC or coil_degC.
     past_limit : Continue the simulation after the mean fluid temperature has reached its limit.
     model : Use this thermal model: reduced finite elements, a network of three axial zones, or one lumped
         node.
@@ -329,9 +337,9 @@ def derate(
     drawing : Read the dimensions of the damper from this geometry file (TOML). Default: paper.
     duty : Apply this load cycle: MOTION:CURRENT:DURATION, or a CSV file with time, motion and current.
     quantity : Reduce this quantity: the current, the stroke, or the fraction of time with motion.
-    ambient_degC : Compute the limits at these ambient temperatures, in degC, in rising order [degC], -50 to
-        100.
-    air_m_s : Compute the limits at these air speeds, in m/s, in rising order [m/s], 0 to 50.
+    ambient_degC : Compute the limits at this ambient temperature, in degC. Repeatable, in rising order
+        [degC], -50 to 100.
+    air_m_s : Compute the limits at this air speed, in m/s. Repeatable, in rising order [m/s], 0 to 50.
     duration_min : Compute the limits for these durations, in min, in rising order, and for the steady state
         [min], above 0 and at most 1440.
     """
@@ -346,8 +354,8 @@ def fluid(
     Parameters
     ----------
     tables : Read these rheometer tables.
-    like : Take properties that the tables do not have from this fluid: paper, lord-mrf-132dg, or a fluid file
-        (TOML).
+    like : Use this fluid for properties that are missing in the tables: paper, lord-mrf-132dg, or a fluid
+        file (TOML).
     """
     return _run("fluid", locals())
 
@@ -364,19 +372,19 @@ def track(
     Parameters
     ----------
     card : Read this model card.
-    plant : Control this damper: nominal, hard, stiff, ..., a file of a virtual damper (TOML), or a card
-        (JSON).
-    targets : Track this target: sine-900N-1Hz, sine-1100N-2Hz, non-periodic, or a scenario file. Repeatable.
+    plant : Control this damper: a virtual damper such as nominal or hard, its TOML file, or a card (JSON).
+    targets : Track this force: sine-900N-1Hz, sine-1100N-2Hz, non-periodic, or a scenario file. Repeatable.
         Default: all.
-    unaware : Add the controllers recommended-unaware and paper-unaware from this card, which was fitted at
-        one temperature.
+    unaware : Add the controllers recommended-unaware and paper-unaware. They are designed from this card,
+        which was fitted at one temperature.
     temperatures_degC : Simulate the damper at this temperature, in degC. Repeatable [degC]. Default: 20, 60,
         100, 123.
     rate_Hz : Run the controllers at this sample rate, in Hz [Hz], 100 to 5000.
-    controllers : Test this controller: recommended, recommended-causal, paper, ... Repeatable. Default: all
-        controllers.
-    seed : Use this seed and the next one for the sensor noise.
-    posterior : Compute 90 % intervals with this number of posterior samples from the folder of the card.
+    controllers : Test this controller, such as recommended, recommended-causal or paper. Repeatable. Default:
+        all controllers.
+    seed : Simulate each case twice: with this seed of the sensor noise, and with the next one.
+    posterior : Compute 90 % intervals with this number of posterior samples, which fit wrote next to the
+        card.
     jobs : Use this number of parallel processes. The result does not depend on it. Default: all cores.
     """
     return _run("track", locals())
@@ -404,7 +412,7 @@ def heatsink(
     materials : Allow this material: aluminium-alloy, copper, steel, stainless-steel. Repeatable. Default: the
         material of the geometry file.
     members : Show this number of designs of the Pareto front, and verify them with finite elements.
-    by_field : Evaluate designs only by the fast zone network, without finite elements. In Python:
+    by_field : Evaluate designs only with the fast network of axial zones, without finite elements. In Python:
         by_field=False.
     """
     return _run("heatsink", locals())
@@ -428,9 +436,9 @@ def export(
     what : Write C99 source code, an FMU, a force map (CSV), or a folder for MATLAB.
     content : Export the model of the damper, its force controller, or both.
     precision : Use this floating-point type in the code.
-    period_s : Call the code with this period, such as 1ms or 500us [s], above 0 and at most 1.
-    controller : Use this controller: recommended, recommended-causal, paper, ...
-    name : Put this prefix before all names in the code.
+    period_s : Generate code for this sampling period, such as 1ms or 500us [s], above 0 and at most 1.
+    controller : Use this controller, such as recommended, recommended-causal or paper.
+    name : Begin all names in the code with this prefix.
     c : Write C99 source code and its report to this folder.
     fmu : Write a co-simulation FMU (FMI 2.0) to this file.
     table : Write a force map (CSV) for simulators to this file.
@@ -450,8 +458,8 @@ def rig(
     preset : Test this virtual damper: a preset, or a TOML file with a preset and changed parameters.
     campaign : Run this campaign of motions, currents and temperatures: short, or a TOML file. Default: the
         campaign of the damper.
-    draw : Randomise the parameters of the damper within 30 % with this seed. Models are developed with even
-        seeds, and results are reported with odd seeds. Default: not randomised.
+    draw : Change all parameters of the damper at random by up to 30 %, with this seed. Even seeds were used
+        to develop mrdamper, and odd seeds for its published results. Default: not randomised.
     seed : Use this seed of the random number generator.
     """
     return _run("rig", locals())
@@ -494,12 +502,13 @@ def sweep(
     Parameters
     ----------
     campaigns : Fit a model to each of these files, folders or patterns.
-    card : Read this model card. Default: none.
+    card : Use this model card for random dampers and heat sinks. Default: none.
     dampers : Optimise the heat sink of this damper: paper, or a geometry file. Repeatable.
     duty : Apply this load cycle: MOTION:CURRENT:DURATION, or a CSV file with time, motion and current.
     law : Fit this hysteresis model. Default: auto.
     samples : Test the controllers of the card on this number of random dampers. Default: no random dampers.
-    spread_percent : Limit the deviation of random parameters from the nominal ones, in percent [%], 0 to 30.
+    spread_percent : Change the parameters of random dampers by at most this percentage of the nominal values
+        [%], 0 to 30.
     seed : Use this seed of the random number generator.
     workers : Use this number of processes on this computer. Default: all cores.
     scheduler : Run the tasks on the workers of the Dask scheduler at this address.

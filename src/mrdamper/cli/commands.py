@@ -81,8 +81,7 @@ def _run(job: Job, *, as_json: bool, out: Path | None = None, resume: bool = Fal
     from mrdamper.cli.terminal import answer_questions, open_console, progress_line
 
     given = {each.name: values.pop(each.name, None) for each in (*job.inputs, *job.reading)}
-    paths = {output.name: values.pop(output.name) for output in job.outputs}
-    outputs = {name: path for name, path in paths.items() if path is not None}
+    outputs = {each.name: path for each in job.outputs if (path := values.pop(each.name)) is not None}
     if job.outputs and not outputs and not job.files_help:
         flags = [f"{output.flag} {output.option.metavar}" for output in job.outputs]
         raise click.UsageError(f"No output is given. Use {', '.join(flags[:-1])} or {flags[-1]}.")
@@ -193,8 +192,9 @@ def _parameter(field: Field) -> click.Parameter:
     if option.argument:
         return click.Argument([field.name], nargs=-1 if field.many else 1, **common)
     default = None if field.many or field.required else field.default
-    if default is None and option.default_help and not field.required:
-        help_text += f"  [default: {option.default_help}]"
+    if default is None and not field.required:
+        shown = option.default_help or (", ".join(map(str, field.default or ())) if field.many else "")
+        help_text += f"  [default: {shown}]" if shown else ""
     if option.metavar == "TIME":
         default = f"{1e3 * field.default:g}ms"
     callback = (lambda _, __, values: values or None) if field.many else None

@@ -56,6 +56,7 @@ _PLANT = _input("plant", "jobs.track:read_plant", "PRESET|FILE|CARD", "inputs", 
 _PRESET = _input("virtual damper", "virtual_rig.damper:find_damper", "PRESET|FILE")
 _CAMPAIGN = _input("campaign", "virtual_rig.campaign:find_campaign", "PRESET|FILE", offers="campaigns")
 _SCENARIO = _input("scenario", "jobs.track:read_targets", "NAME|FILE", offers="targets")
+_DATA_SET = Option(word="data set", metavar="NAME", argument=True, offers="data", label="Data set")
 _PATHS = Option(metavar="PATH...", argument=True, key="files", places=("runs",), most_items=20_000)
 _FILES = Option(read="mrdamper.jobs.inputs:read_files", reading=("channels", "answer"))
 _LAW_READING = Option(read="mrdamper.jobs.inputs:read_card_of_law", reading=("law",))
@@ -100,7 +101,7 @@ Jobs = Annotated[
 Posterior = Annotated[
     int,
     Option(least=0, most=100_000, label="Posterior samples", group=MORE),
-    Option("Compute 90 % intervals with this number of posterior samples from the folder of the card."),
+    Option("Compute 90 % intervals with this number of posterior samples, which fit wrote next to the card."),
 ]
 Seed = Annotated[int, Option("Use this seed of the random number generator.", least=0, group=MORE)]
 Ambient = Annotated[float, Option(unit="degC", least=-50.0, most=100.0)]
@@ -111,12 +112,11 @@ Ambients = Annotated[tuple[Ambient, ...], _LEVELS, Option(unit="degC")]
 AirSpeeds = Annotated[tuple[AirSpeed, ...], _LEVELS, Option(unit="m/s")]
 Durations = Annotated[tuple[Duration, ...], Option(unit="min", most_items=8, flag="-", group=MORE)]
 RunNames = Annotated[tuple[str, ...], Option(metavar="GLOB", most_items=20_000, offers="runs")]
-_CommonTerm = Literal["friction", "mass", "viscosity", "thinning", "gas"]
-_ChainTerm = Literal["orifice", "bristles", "spread", "stribeck", "memory", "position", "curvature"]
-_LastTerm = Literal[
-    "stiffness", "asymmetry", "flow-asymmetry", "gas-volume", "leak", "play", "follow", "none"
-]
-Term = Literal[_CommonTerm, _ChainTerm, _LastTerm]
+Term = Literal[
+    "friction", "mass", "viscosity", "thinning", "gas", "orifice", "bristles", "spread", "stribeck", "memory",
+    "position", "curvature", "stiffness", "asymmetry", "flow-asymmetry", "gas-volume", "leak", "play",
+    "follow", "none",
+]  # fmt: skip
 """Terms of a hysteresis model."""
 
 
@@ -125,19 +125,19 @@ class Reading:
     """Options for reading inputs. The declaration of each input names the options that its reader accepts."""
 
     law: Annotated[str | None, Option(metavar="FILE.py:CLASS", local=True)] = None
-    """Load this class, if the card was fitted with a hysteresis model of your own."""
+    """Load this Python class if the card was fitted with your own hysteresis model."""
     channels: Annotated[
         Path | None,
         Option(metavar="FILE", places=("inputs", "maps"), looks=("channels",), word="channel map"),
         Option(label="Channel map", default_help="the map in the folder of the runs, or the headers"),
     ] = None
-    """Read columns with this channel map (TOML), which assigns them to quantities."""
+    """Read the files with this channel map (TOML), which states the quantity and unit of each column."""
     answer: Annotated[
         tuple[str, ...],
         Option(metavar="ROLE.TOPIC=VALUE", label="Answers to open questions", most_items=100, group=MORE),
     ] = ()
-    """Answer a question that a file leaves open, for example force.unit=kN. Topics: unit, column, scale,
-    value, rate, part. A pattern of names and a colon before it select files. Repeatable."""
+    """State a fact that the files do not contain, for example force.unit=kN. Topics: unit, column, scale,
+    value, rate, part. The answer lab_*:force.unit=kN is used only for files with such a name. Repeatable."""
     flip_force: Annotated[bool, Option(label="reverse the sign of the force", group=MORE)] = False
     """Reverse the sign of the force, for load cells with positive compression."""
 
@@ -148,9 +148,9 @@ class CheckOptions:
 
     files: ClassVar[Annotated[Runs, _FILES]]
     write_map: ClassVar[OutputFile] = None
-    """Write the channel map with which the files were read. It can be edited and used with --channels."""
+    """Write the channel map that was used for the files to this file. Edit it, and pass it to --channels."""
     deep: Annotated[bool, Option(label="compare all runs with one model", group=MORE)] = False
-    """Fit one model to all runs, and report runs that are inconsistent with the others."""
+    """Fit one model to all runs, and report runs that are inconsistent with the other runs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,19 +173,19 @@ class FitOptions:
     spencer, lugre, dahl, bingham, tanh, or a class as FILE.py:CLASS. The choice auto selects a model by
     cross-validation."""
     fluid: ClassVar[Annotated[str | None, _FLUID, _ONE_FLUID]] = None
-    """Take the temperature dependence from a fluid: paper, lord-mrf-132dg, or a fluid file. The card marks it
-    as assumed."""
+    """Use the temperature dependence of this fluid if the runs have one temperature: paper, lord-mrf-132dg,
+    or a fluid file. The card marks the dependence as assumed."""
     preparation: ClassVar[Preparing] = None
     settings: ClassVar[Annotated[str | None, Option(flag="-")]] = None
     """Use these numerical settings (FitSettings). None selects the default settings."""
     only: Annotated[RunNames, Option(label="Use only these runs", default_help="all runs", group=MORE)] = ()
     """Use only runs whose names match this pattern. Repeatable."""
     hold_out: Annotated[RunNames, Option(group="Hold out")] = ()
-    """Exclude runs whose names match this pattern, and use them as a test. Repeatable."""
+    """Exclude runs whose names match this pattern from the fit, and test the model on them. Repeatable."""
     posterior: Posterior = 0
     """Compute this number of posterior samples, for 90 % intervals of parameters and forces."""
-    one_command: Annotated[bool, Option(label="accept runs with a single current", group=MORE)] = False
-    """Accept runs with a single current. The model is then valid only for this current."""
+    one_command: Annotated[bool, Option(label="accept runs at a single current", group=MORE)] = False
+    """Accept runs that all have the same current. The model is then valid only for this current."""
     terms: Annotated[
         tuple[Term, ...] | None,
         Option(flag="--term", metavar="TERM", group=MORE),
@@ -196,7 +196,7 @@ class FitOptions:
     leak, play and follow. Use none for a model without terms. Repeatable."""
     temperature: Annotated[Temperature, Option(label="Temperature dependence")] = "auto"
     """Use this temperature dependence of the parameters. The choice auto is arrhenius if the runs have
-    several temperatures."""
+    several temperatures, otherwise none."""
     jobs: Jobs = None
 
 
@@ -219,7 +219,7 @@ class CyclesOptions:
     least_stroke_mm: Annotated[
         float | None, Option(unit="mm", above=0.0, below=1e6, default_help="5 % of the displacement range")
     ] = None
-    """Ignore cycles with a smaller stroke, in mm."""
+    """Ignore cycles with a stroke below this value, in mm."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -228,12 +228,12 @@ class TrackOptions:
 
     card: ClassVar[Card]
     plant: ClassVar[Annotated[str, _PLANT, _DAMPER, Option(label="Controlled damper")]] = "nominal"
-    """Control this damper: nominal, hard, stiff, ..., a file of a virtual damper (TOML), or a card (JSON)."""
+    """Control this damper: a virtual damper such as nominal or hard, its TOML file, or a card (JSON)."""
     targets: ClassVar[Annotated[tuple[str, ...] | None, _SCENARIO, _TARGETS]] = None
-    """Track this target: sine-900N-1Hz, sine-1100N-2Hz, non-periodic, or a scenario file. Repeatable."""
+    """Track this force: sine-900N-1Hz, sine-1100N-2Hz, non-periodic, or a scenario file. Repeatable."""
     unaware: ClassVar[Annotated[Path | None, _CARD, Option(flag="-")]] = None
-    """Add the controllers recommended-unaware and paper-unaware from this card, which was fitted at one
-    temperature."""
+    """Add the controllers recommended-unaware and paper-unaware. They are designed from this card, which was
+    fitted at one temperature."""
     temperatures_degC: Annotated[
         tuple[float, ...],
         Option(flag="--temperature", unit="degC", default_help="20, 60, 100, 123", most_items=20),
@@ -247,9 +247,9 @@ class TrackOptions:
         Option(flag="--controller", metavar="NAME", default_help="all controllers", most_items=40),
         Option(group="Controllers", offers="controllers", begins=("recommended", "paper")),
     ] = ()
-    """Test this controller: recommended, recommended-causal, paper, ... Repeatable."""
+    """Test this controller, such as recommended, recommended-causal or paper. Repeatable."""
     seed: Annotated[Seed, Option(flag="-", below=2**31)] = 1
-    """Use this seed and the next one for the sensor noise."""
+    """Simulate each case twice: with this seed of the sensor noise, and with the next one."""
     posterior: Posterior = 0
     jobs: Jobs = None
 
@@ -262,9 +262,9 @@ class SimulateOptions:
     motion: ClassVar[Annotated[str, Option(metavar="MOTION|RUN", argument=True)]]
     """Simulate this motion: MOTION:CURRENT:DURATION, such as sine:10mm:1Hz:1A:2s, or the file of a run."""
     temperature_degC: Annotated[float, Option(unit="degC", least=-60.0, most=200.0)] = 20.0
-    """Use this fluid temperature, in degC, if the motion has none."""
+    """Use this fluid temperature, in degC, if the file of the run contains no temperature."""
     rate_Hz: Annotated[float, Option(unit="Hz", above=0.0, most=1e5)] = 1000.0
-    """Sample the motion at this rate, in Hz, if it is given as text."""
+    """Sample a motion such as sine:10mm:1Hz:1A:2s at this rate, in Hz. A run keeps its own samples."""
     posterior: Posterior = 0
 
 
@@ -298,11 +298,11 @@ class ExportOptions:
     ] = "float"
     """Use this floating-point type in the code."""
     period_s: Annotated[float, Option(unit="s", above=0.0, most=1.0, flag="--step", metavar="TIME")] = 1e-3
-    """Call the code with this period, such as 1ms or 500us."""
+    """Generate code for this sampling period, such as 1ms or 500us."""
     controller: Annotated[str, Option(metavar="NAME", offers="controllers")] = "recommended"
-    """Use this controller: recommended, recommended-causal, paper, ..."""
+    """Use this controller, such as recommended, recommended-causal or paper."""
     name: Annotated[str, Option(metavar="IDENT", label="Prefix of names")] = "damper"
-    """Put this prefix before all names in the code."""
+    """Begin all names in the code with this prefix."""
 
 
 class HeatingInputs:
@@ -324,9 +324,9 @@ class DerateOptions(HeatingInputs):
     ] = "current"
     """Reduce this quantity: the current, the stroke, or the fraction of time with motion."""
     ambient_degC: Ambients = (-20.0, 0.0, 20.0, 40.0, 50.0)
-    """Compute the limits at these ambient temperatures, in degC, in rising order."""
+    """Compute the limits at this ambient temperature, in degC. Repeatable, in rising order."""
     air_m_s: AirSpeeds = (0.0, 1.0, 2.0, 5.0, 10.0)
-    """Compute the limits at these air speeds, in m/s, in rising order."""
+    """Compute the limits at this air speed, in m/s. Repeatable, in rising order."""
     duration_min: Durations = (5.0, 15.0, 30.0, 60.0)
     """Compute the limits for these durations, in min, in rising order, and for the steady state."""
 
@@ -340,8 +340,8 @@ class HeatOptions(HeatingInputs):
     calibrate: ClassVar[
         Annotated[Path | None, _CURVE, Option(label="Measured curve for calibration", group=MORE)]
     ] = None
-    """Calibrate the geometry file with a measured heating curve of the same load cycle. The CSV file has the
-    columns time_s and fluid_degC, body_degC or coil_degC."""
+    """Adjust the thermal model to a measured heating curve of the same load cycle. The CSV file has two
+    columns: time_s, and fluid_degC, body_degC or coil_degC."""
     past_limit: Annotated[bool, Option(flag="-", label="continue past the limit of the fluid")] = False
     """Continue the simulation after the mean fluid temperature has reached its limit."""
     model: Annotated[
@@ -381,12 +381,11 @@ class HeatsinkOptions(HeatingInputs):
         Option(label="Material", group=_DESIGN, offers="materials"),
     ] = ()
     """Allow this material: aluminium-alloy, copper, steel, stainless-steel. Repeatable."""
-    members: Annotated[int, Option(least=2, most=200, flag="-", label="Designs on the front", group=MORE)] = (
-        12
-    )
+    members: Annotated[int, Option(least=2, most=200, flag="-", label="Designs shown", group=MORE)] = 12
     """Show this number of designs of the Pareto front, and verify them with finite elements."""
     by_field: Annotated[bool, _NETWORK_ONLY, Option(label="verify with finite elements (slow)")] = True
-    """Evaluate designs only by the fast zone network, without finite elements. In Python: by_field=False."""
+    """Evaluate designs only with the fast network of axial zones, without finite elements. In Python:
+    by_field=False."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -396,7 +395,7 @@ class FluidOptions:
     tables: ClassVar[Annotated[tuple[str, ...], _RHEOMETER, _TABLES]]
     """Read these rheometer tables."""
     like: ClassVar[Annotated[str, _FLUID, Option(label="Other properties from")]] = "paper"
-    """Take properties that the tables do not have from this fluid: paper, lord-mrf-132dg, or a fluid file
+    """Use this fluid for properties that are missing in the tables: paper, lord-mrf-132dg, or a fluid file
     (TOML)."""
 
 
@@ -415,8 +414,8 @@ class RigOptions:
         Option(metavar="SEED", least=0, below=2**31, default_help="not randomised"),
         Option(label="Seed of a randomised damper", group=MORE),
     ] = None
-    """Randomise the parameters of the damper within 30 % with this seed. Models are developed with even
-    seeds, and results are reported with odd seeds."""
+    """Change all parameters of the damper at random by up to 30 %, with this seed. Even seeds were used to
+    develop mrdamper, and odd seeds for its published results."""
     seed: Annotated[Seed, Option(below=2**31)] = 0
 
 
@@ -429,11 +428,7 @@ class DataListOptions:
 class DataFetchOptions:
     """Inputs and options of ``data fetch``."""
 
-    name: ClassVar[
-        Annotated[
-            str, Option(metavar="NAME", argument=True, offers="data", word="data set", label="Data set")
-        ]
-    ]
+    name: ClassVar[Annotated[str, _DATA_SET]]
     """Fetch the data set with this name. The command data list prints the names."""
 
 
@@ -454,7 +449,7 @@ class SweepOptions:
     ] = None
     """Fit a model to each of these files, folders or patterns."""
     card: ClassVar[Annotated[Path | None, _CARD, Option(default_help="none")]] = None
-    """Read this model card."""
+    """Use this model card for random dampers and heat sinks."""
     dampers: ClassVar[
         Annotated[tuple[str, ...] | None, _DRAWING, _DRAWINGS, Option(label="Dampers with a heat sink")]
     ] = None
@@ -469,7 +464,7 @@ class SweepOptions:
     spread_percent: Annotated[
         float, Option(flag="-", unit="%", least=0.0, most=30.0, label="Spread of random dampers")
     ] = 10.0
-    """Limit the deviation of random parameters from the nominal ones, in percent."""
+    """Change the parameters of random dampers by at most this percentage of the nominal values."""
     seed: Annotated[Seed, Option(flag="-", most=10_000_000)] = 0
     workers: Annotated[Processes, Option(metavar="NUMBER", label="Processes")] = None
     """Use this number of processes on this computer."""

@@ -62,8 +62,8 @@ _ROWS = (
         name="compare",
         help="""Compare two damper models.
 
-        The command compares forces, energy per cycle, response time and parameters within the range of both
-        cards. Differences are the second card minus the first.
+        The command compares forces, energy per cycle, response time and parameters within the range that both
+        cards cover. A difference is the value of the second card minus the value of the first card.
         """,
         run="mrdamper.models.comparison:compare_cards",
         report="mrdamper.report.compare:REPORT",
@@ -83,8 +83,8 @@ _ROWS = (
         name="heat",
         help="""Simulate the heating of a damper in a load cycle.
 
-        The command computes temperatures, the time until a limit is reached, the heat flows and the loss of
-        force.
+        The command computes temperatures, the time until a temperature limit is reached, heat flows, and the
+        loss of damper force.
         """,
         run="mrdamper.jobs.thermal.heat:heat",
         report="mrdamper.report.thermal.heat:REPORT",
@@ -118,7 +118,8 @@ _ROWS = (
         name="track",
         help="""Simulate force tracking with a controller.
 
-        The controllers are designed from the card and need no force sensor. A virtual damper is controlled.
+        The controllers are designed from the card. Most of them need no force sensor. The controlled damper
+        is simulated.
         """,
         run="mrdamper.jobs.track:track",
         report="mrdamper.report.track:REPORT",
@@ -129,7 +130,8 @@ _ROWS = (
         name="heatsink",
         help="""Optimise an annular-fin heat sink.
 
-        The command searches the Pareto front of fluid temperature and mass within the given limits.
+        The command searches for the designs with the best compromises between fluid temperature and mass
+        (Pareto front). All designs are within the given limits.
         """,
         run="mrdamper.jobs.thermal.heatsink:heatsink",
         report="mrdamper.report.thermal.heatsink:REPORT",
@@ -151,12 +153,13 @@ _ROWS = (
         out="runs",
         help="""Simulate a test campaign on a virtual rig.
 
-        The virtual damper has other equations than the hysteresis models. The runs include sensor errors.
+        The equations of the virtual damper differ from the hysteresis models of fits. The runs include sensor
+        errors.
         """,
         run="mrdamper.jobs.rig:rig",
         report="mrdamper.report.rig:REPORT",
         progress_word="run",
-        files_help="Write the runs (CSV) to this folder, and the exact values to DIR.truth.",
+        files_help="Write the runs (CSV) to DIR, and the values without sensor errors to DIR.truth.",
         out_required=True,
     ),
     Job(
@@ -178,7 +181,7 @@ _ROWS = (
         name="demo",
         help="""Run all steps on simulated test data.
 
-        The command compares the results with the values of the paper. It needs no measured data.
+        The command compares the results with the values in the reference paper. It needs no measured data.
         """,
         run="mrdamper.paper.demo:demo",
         report="mrdamper.paper.report:REPORT",

@@ -38,11 +38,6 @@ class Order:
     kind: str
     options: Json
 
-    @property
-    def needs_runs(self) -> bool:
-        """Return True if the request names no files, which means all usable runs."""
-        return self.kind in {"fit", "evaluate"} and self.options["files"] is None
-
 
 def read_order(kind: object, options: object) -> Order:
     """Return the validated job request. If it is invalid, raise one InputError that lists all faults."""
@@ -69,7 +64,7 @@ def _members(job: Job) -> Iterator[tuple[str, Any, Any]]:
     """Generate name, type and default of each field of a job request."""
     if job.out == "card":
         yield "card", _ANNOTATED[str, replace(_NAME, label="Name of the card")], MISSING
-        option = Option("Of the same name.", label="replace a card of the same name", group=MORE)
+        option = Option("Replace an existing card.", label="replace a card of the same name", group=MORE)
         yield "replace", _ANNOTATED[bool, option], False
     yield from (_input(each) for each in job.inputs if each.option.flag != "-")
     has_maps = any("runs" in each.option.places and each.many for each in job.inputs)
@@ -106,11 +101,11 @@ class HeatCurve(HeatOptions):
 
     card_name: Annotated[str, replace(_NAME, key="card")]
     damper: Name = "paper"
-    amplitude_mm: Annotated[float, Option("Of the sine.", unit="mm", least=0.0, most=1000.0)] = 15.0
-    frequency_Hz: Annotated[float, Option("Of the sine.", unit="Hz", above=0.0, most=100.0)] = 1.0
-    command: Annotated[float, Option("Current or voltage.", least=-1000.0, most=1000.0)] = 2.0
+    amplitude_mm: Annotated[float, Option("Amplitude of the sine.", unit="mm", least=0.0, most=1000.0)] = 15.0
+    frequency_Hz: Annotated[float, Option("Frequency of the sine.", unit="Hz", above=0.0, most=100.0)] = 1.0
+    command: Annotated[float, Option("Constant current or voltage.", least=-1000.0, most=1000.0)] = 2.0
     duty_share: Annotated[float, Option("Fraction of the time in operation.", least=0.05, most=1.0)] = 1.0
-    duration_s: Annotated[float, Option("Duration.", unit="s", least=1.0, most=1e6)] = 1800.0
+    duration_s: Annotated[float, Option("Total duration.", unit="s", least=1.0, most=1e6)] = 1800.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -32,7 +32,7 @@ routes = APIRouter()
 async def _start_job(request: Request, context: Context) -> Response:
     body = await read_body(request)
     order = read_order(body.get("kind"), body.get("options", {}))
-    if order.needs_runs:
+    if order.kind in {"fit", "evaluate"} and order.options["files"] is None:
         order.options["files"] = context.index.usable() or None
     _require_items(context.folder, order.options)
     return JsonAnswer({"id": context.queue.submit(order)}, 201)
