@@ -205,27 +205,24 @@ class Field:
     @property
     def item_words(self) -> str:
         """Return the expected value of each item in a list or table."""
-        if get_origin(self.type) is Mapping:
-            return _WORDS.get(get_args(self.type)[1], "a table")
-        return self.words.removeprefix(self._list_words) if self.many else self.words
+        return self.words.removeprefix(self._list_words)
 
     @property
     def words(self) -> str:
         """Return the expected value, such as ``a number in mm, above 0``."""
         if self.option.expected:
             return self.option.expected
-        before = self._list_words if self.many else ""
         if self.choices:
-            return f"{before}one of: {', '.join(self.choices)}"
+            return f"{self._list_words}one of: {', '.join(self.choices)}"
         kind = _WORDS.get(get_origin(self.item) or self.item, "a table")
         unit = f" in {self.option.unit}" if self.option.unit else ""
         limits = f", {self.option.range_words}" if self.option.range_words else ""
-        return f"{before}{kind}{unit}{limits}"
+        return f"{self._list_words}{kind}{unit}{limits}"
 
     @property
     def _list_words(self) -> str:
-        items = get_args(self.type)
-        return "a list, each " if ... in items else f"a list of {len(items)}, each "
+        items = get_args(self.type) if self.many else ()
+        return "a list, each " if ... in items else f"a list of {len(items)}, each " if items else ""
 
 
 @cache
