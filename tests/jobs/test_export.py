@@ -159,7 +159,7 @@ def test_export_fails_if_compiler_changes_table(folder, tool, tmp_path, monkeypa
         ("nowhere.json", ("--c", "c"), 3, "nowhere.json: cannot read the card"),
         ("quick.json", ("--c", "c", "--step", "5ms"), 3, "quick.json: controller: the period is 5 ms"),
         ("card.json", ("--c", "c", "--name", "front-left"), 3, "name is 'front-left'"),
-        ("card.json", ("--fmu", "x", "--table", "x"), 3, "is to be two things at once"),
+        ("card.json", ("--fmu", "x", "--table", "x"), 3, "is given for two outputs"),
         ("card.json", (), 2, "No output is given. Use --c DIR, --fmu FILE, --table FILE or --matlab DIR"),
     ],
 )

@@ -170,7 +170,7 @@ class Job:
                 store = stack.enter_context(load(self.checkpoint)(folders[""], resume=resume))
                 more = {"checkpoint": store}
             # The paths are prepared first, so that an unwritable path is reported before the computation.
-            places = stack.enter_context(self._staged(folders, _files_read(given)))
+            places = stack.enter_context(self._staged(folders, _files_read(given) if folders else ()))
             result = self._run(given, things, options, on_progress, **more)
             answer = write_report(reported, result, places, self._head(given))
         return result, answer
@@ -180,9 +180,8 @@ class Job:
         given = [path.absolute() for path in outputs.values()]
         for name, path in outputs.items():
             if given.count(path.absolute()) > 1:
-                raise InputError(
-                    f"{path} is to be two things at once", place=self.name, expected="a place for each"
-                )
+                words = f"{path} is given for two outputs"
+                raise InputError(words, place=self.name, expected="a different path for each output")
             if name in self._files and is_folder(path):
                 raise InputError("is a folder", place=path, expected="the name of a file to write")
         if out is None:
