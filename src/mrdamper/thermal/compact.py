@@ -1,13 +1,14 @@
-"""Compact thermal model with six states for a controller, made from the reduced model by balanced truncation.
+"""Compact thermal model of a damper with six states, small enough for a controller.
 
     C_i dz_i/dt = -k_i z_i + p_i P + c_i R(T_coil) I^2 - sum_k h_k (S_k z - s_k (T_ambient - T_reference))
 
-The inputs are the mechanical power P and the current I in the coil of resistance R. The states z are modes of
-conduction inside the damper with the heat capacities C and the conductances k. The first state is the uniform
-temperature, so that the model conserves heat. p and c distribute the two heat sources to the states. The
-states span the dominant subspace of the Gramian for heat sources, surfaces and outputs. For this symmetric
-system, the method is balanced truncation by Galerkin projection. The model is passive for all heat-transfer
-coefficients. The steady response of the truncated part to the sources is added as ``feedthrough``.
+The heat sources are the mechanical power P and the heat R I^2 of the coil with resistance R and current I.
+The factors p and c distribute these heat flows among the states. The states z are amplitudes of modes, which
+are temperature distributions in the damper with heat capacities C and conductances k. The first mode is a
+uniform temperature, so that the model conserves heat. Balanced truncation of the larger model in ``reduced``
+yields the modes: they span the dominant subspace of the Gramian for heat sources, surfaces and outputs. The
+model is passive for all heat-transfer coefficients. The omitted modes also respond to the heat sources. Their
+steady-state response is added to the output temperatures and is called ``feedthrough``.
 
 Each kind of surface k has one heat-transfer coefficient h_k, which is evaluated at the mean temperature of
 the surface. S_k and s_k are integrals over the surface. Convection is tabulated versus ambient temperature,
@@ -55,13 +56,15 @@ class FilmTable:
     ambient: FloatArray  # ambient temperature [K], shape (3,), equidistant
     speed: FloatArray  # air speed [m/s], increasing
     above: FloatArray  # surface minus ambient temperature [K], increasing
-    film: FloatArray  # coefficients [W/(m^2 K)], shape (laws, 3, speeds, differences)
+    film: FloatArray  # coefficients [W/(m^2 K)], shape (types of surface, 3, speeds, differences)
 
     def interpolate(self, law: int, above: float, ambient: float, speed: float) -> float:
         """Return a convective heat-transfer coefficient [W/(m^2 K)] by interpolation in the table.
 
-        The interpolation is quadratic in the ambient temperature, and linear in air speed and temperature
-        difference. Outside the table, the coefficient is constant.
+        ``law`` is the row of the table for a type of surface, and ``above`` the surface minus ambient
+        temperature [K]. The interpolation is quadratic in the ambient temperature, and linear in air speed
+        and in ``above``. Outside the table, the coefficient is constant, except within half an interval of
+        ambient temperature.
         """
         width = self.ambient[1] - self.ambient[0]
         x = min(max((ambient - self.ambient[1]) / width, -1.5), 1.5)
@@ -81,28 +84,27 @@ class CompactModel:
     reference: float  # reference temperature [K]
     capacity: FloatArray  # C: heat capacity of each state [J/K], shape (n,)
     conductance: FloatArray  # k: conductance of each state [W/K], shape (n,); zero for the uniform state
-    mechanical: FloatArray  # p: distribution of the mechanical power, shape (n,)
-    electrical: FloatArray  # c: distribution of the coil heat, shape (n,)
-    loss: FloatArray  # S: surface integrals of products of two states [m^2], shape (k, n, n)
-    mean: FloatArray  # weights of the states in the mean temperature of each kind, shape (k, n)
-    law: tuple[int, ...]  # row of ``films`` for each kind of surface
+    mechanical: FloatArray  # p: factor of the mechanical power in the equation of each state, shape (n,)
+    electrical: FloatArray  # c: factor of the coil heat in the equation of each state, shape (n,)
+    loss: FloatArray  # S: integrals of the product of two modes over each surface [m^2], shape (k, n, n)
+    mean: FloatArray  # weights of the states in the mean temperature of each surface, shape (k, n)
+    law: tuple[int, ...]  # row of the table ``films`` that applies to each kind of surface
     radiation: FloatArray  # emissivity times the Stefan-Boltzmann constant, shape (k,)
     mount: FloatArray  # conductance to the mountings per area [W/(m^2 K)], shape (k,)
     films: FilmTable
     fluid: FloatArray  # weights of the states in the mean fluid temperature, shape (n,)
     coil: FloatArray  # weights of the states in the mean coil temperature, shape (n,)
-    spots: FloatArray  # weights of the states at three possible hot spots of gap, coil and seals, (3, 3, n)
-    # Feedthrough from mechanical power and coil heat to fluid, coil and candidate hot spots [K/W].
-    fluid_feedthrough: FloatArray  # shape (2,)
-    coil_feedthrough: FloatArray  # shape (2,)
-    spots_feedthrough: FloatArray  # shape (3, 3, 2)
-    limits: FloatArray  # limits of gap, coil and seals [K], shape (3,)
+    spots: FloatArray  # weights of the states in the temperatures of 3 points of each part, shape (3, 3, n)
+    # Temperature rise that the states omit, per watt of mechanical power and per watt of coil heat [K/W].
+    fluid_feedthrough: FloatArray  # omitted rise of the mean fluid temperature, shape (2,)
+    coil_feedthrough: FloatArray  # omitted rise of the mean coil temperature, shape (2,)
+    spots_feedthrough: FloatArray  # omitted rise at the points of ``spots``, shape (3, 3, 2)
+    limits: FloatArray  # temperature limits of gap, coil and seals [K], shape (3,)
     resistance: float  # coil resistance at 20 degC [ohm]
     air_speed: float  # default air speed [m/s]
 
     @property
     def states(self) -> int:
-        """Return the number of states."""
         return len(self.capacity)
 
     def film_of(self, kind: int, surface: float, ambient: float, air_speed: float) -> float:
@@ -169,7 +171,7 @@ def compact_model(drawing: DamperDrawing) -> CompactModel:
 
 
 def _reduced(drawing: DamperDrawing) -> tuple[ReducedModel, list[HeatEquation]]:
-    """Return the reduced model, and its heat equation for each air speed of the basis."""
+    """Return a reduced model for several air speeds, and its equation at each speed."""
     full = build_field(drawing)
     around = [replace(drawing.surroundings, air_speed=speed) for speed in SETTINGS.basis_air_speeds_m_s]
     coolings = [cooling_in(full, each) for each in around]
@@ -178,7 +180,10 @@ def _reduced(drawing: DamperDrawing) -> tuple[ReducedModel, list[HeatEquation]]:
 
 
 def _film_matrix(equation: HeatEquation, loss: FloatArray, kinds: IntArray, surface: IntArray) -> FloatArray:
-    """Return the matrix of the heat losses [W/K], linearised at a typical temperature, shape (n, n)."""
+    """Return the matrix H of the linearised heat losses H z [W/K], shape (n, n).
+
+    The losses are linearised at a typical surface temperature.
+    """
     slope = equation.cooling.fluxes(np.full(len(surface), SETTINGS.typical_rise_K))[1].sum(axis=0)
     return np.asarray(
         sum(slope[surface == kind].mean() * each for kind, each in zip(kinds, loss, strict=True))
@@ -186,10 +191,10 @@ def _film_matrix(equation: HeatEquation, loss: FloatArray, kinds: IntArray, surf
 
 
 def _modes(equation: HeatEquation, films: Sequence[FloatArray], loads: FloatArray) -> FloatArray:
-    """Return the states as columns in the space of the reduced model, shape (m, n).
+    """Return the n modes of the compact model, as columns of the m unknowns of the reduced model.
 
-    The first state is the uniform temperature of 1 K. ``loads``, shape (m, j), are the weighted sources and
-    outputs. The Gramian is computed from the responses to steps of these loads.
+    The first mode is a uniform temperature of 1 K. The other modes are the dominant directions of the
+    Gramian. Step responses of the reduced model to ``loads``, shape (m, loads), determine the Gramian.
     """
     mass, uniform = equation.mass, equation.uniform
     gramian = np.zeros_like(mass)
@@ -209,9 +214,10 @@ def _modes(equation: HeatEquation, films: Sequence[FloatArray], loads: FloatArra
 def _feedthrough(
     equation: HeatEquation, film: FloatArray, basis: FloatArray, sources: FloatArray, rows: FloatArray
 ) -> FloatArray:
-    """Return the steady response of outputs that the states do not reproduce, shape (rows, sources) [K/W].
+    """Return the steady-state error of the compact model [K/W], shape (outputs, sources).
 
-    ``rows`` are the weights of the outputs.
+    The error is the response of the reduced model minus the response of its modes ``basis``. ``rows`` are
+    the weights of the unknowns in each output.
     """
     matrix = equation.stiffness + film
     whole = np.linalg.solve(matrix, sources)
@@ -220,10 +226,11 @@ def _feedthrough(
 
 
 def _choose_spots(equation: HeatEquation, films: Sequence[FloatArray], sources: FloatArray) -> FloatArray:
-    """Return the weights of the candidate points for the hottest point, shape (parts, points, m).
+    """Return three points of each part that can be the hottest point, shape (parts, points, m).
 
-    The candidates are the hottest points in steady and early responses to mixtures of the two heat sources.
-    If a part needs fewer candidates, a candidate is repeated.
+    A point is a row of weights of the m unknowns. The points are the hottest ones in short-term and
+    steady-state responses to several ratios of mechanical power to coil heat. If fewer points are
+    sufficient, a point is repeated.
     """
     mixtures = np.array([[1.0, 0.0], [0.9, 0.1], [0.7, 0.3], [0.3, 0.7], [0.0, 1.0]]).T
     fields = []
@@ -263,7 +270,7 @@ class CompactLoad:
     """Inputs of a simulation with n time steps. Arrays have the shape (n,)."""
 
     power: FloatArray  # mechanical power [W]
-    coil_W: FloatArray  # coil heat at 20 degC
+    coil_W: FloatArray  # heat R I^2 of the coil [W], with the resistance R at 20 degC
     ambient: FloatArray  # ambient temperature [K]
     air_speed: FloatArray  # air speed [m/s]
 
@@ -275,8 +282,8 @@ class CompactHeating:
     state: FloatArray  # shape (n, states)
     fluid: FloatArray  # mean fluid temperature [K]
     hot: FloatArray  # temperatures of the hottest points of gap, coil and seals [K], shape (n, 3)
-    coil_W: FloatArray  # coil heat at the temperature of the coil
-    lost_W: FloatArray  # heat losses to air and mountings
+    coil_W: FloatArray  # heat R I^2 of the coil [W], with the resistance R at the coil temperature
+    lost_W: FloatArray  # heat flow to air and mountings [W]
 
 
 def simulate_compact(
@@ -320,9 +327,9 @@ def typical_power(model: CompactModel) -> float:
 def sensor_gains(model: CompactModel, step: float = UPDATE_S) -> FloatArray:
     """Return the Kalman gains of two sensors for n states and the missing heat, shape (2, n + 1).
 
-    A gain is the correction per kelvin of difference between reading and model: [K/K] for the states and
-    [W/K] for the missing heat. Row 0 is for the fluid thermometer. Row 1 is for the coil temperature, which
-    is computed from the coil resistance. Each row is computed for the case that the other sensor is missing.
+    A gain is the correction of a state [K/K] or of the missing heat [W/K], divided by the difference between
+    sensor and model. Row 0 is for the fluid thermometer. Row 1 is for the coil temperature, which is computed
+    from the coil resistance. Each row assumes that there is no second sensor.
     """
     n, power = model.states, typical_power(model)
     matrix = np.diag(model.capacity / step + model.conductance)
@@ -348,7 +355,7 @@ def sensor_gains(model: CompactModel, step: float = UPDATE_S) -> FloatArray:
 
 
 def _losses(model: CompactModel, z: FloatArray, ambient: float, speed: float) -> FloatArray:
-    """Return the heat-loss matrix of the states at the present surface temperatures [W/K], shape (n, n)."""
+    """Return the matrix of the heat losses in state ``z`` [W/K], shape (n, n)."""
     surface = model.reference + model.mean @ z
     films = [model.film_of(k, float(kelvin), ambient, speed) for k, kelvin in enumerate(surface)]
     return np.asarray(np.tensordot(films, model.loss, (0, 0)))

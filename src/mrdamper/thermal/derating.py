@@ -1,15 +1,17 @@
-"""Derating: compute the largest current, stroke or duty ratio at which no part exceeds its temperature limit.
+"""Derating: find the largest load at which no part exceeds its temperature limit.
 
-The result is a map with the axes ambient temperature, air speed and duration. A single reduced model is used
-for the whole map, because only heat-transfer coefficients and ambient temperature differ between the points
-of the map. The basis of the model contains the responses at the corners of the map. For each point of the
-map, some fractions of the reduced quantity are simulated. Piecewise cubic Hermite interpolation gives the
-temperatures of the hottest points at all other fractions. The result is the fraction at which the first part
-reaches its limit.
+The load is reduced by a lower current, stroke or duty ratio, the fraction of time in operation.
 
-The 90 % interval follows from the uncertainty of geometry and card (``ModelUncertainty``). For every air
-speed and duration, the temperature rise is multiplied by the factors for the two ends of its interval. The
-fractions at which the limit is then reached are the ends of the interval.
+The result is a table with the axes ambient temperature, air speed and duration. A single reduced thermal
+model is sufficient for the table, because only heat-transfer coefficients and ambient temperature vary. Its
+basis contains the responses at the lowest and highest ambient temperature and air speed. For each entry of
+the table, the load is simulated with 0, 25, 50, 75 and 100 % of the current, stroke or duty ratio. Piecewise
+cubic Hermite interpolation yields the temperatures of the hottest points at all other percentages. The entry
+is the percentage at which the first part reaches its temperature limit.
+
+The 90 % interval follows from the uncertainty of geometry and model card (``ModelUncertainty``). For every
+air speed and duration, the temperature rise is multiplied by its lower and upper relative bound. The bounds
+of the interval are the percentages at which the multiplied rise reaches the limit.
 """
 
 from __future__ import annotations
@@ -41,16 +43,16 @@ from mrdamper.thermal.temperature_rise import loads_of, works_of
 Quantity = Literal["current", "stroke", "duty"]
 """Quantity that is reduced: the command, the stroke, or the fraction of time in operation."""
 
-FRACTIONS = np.linspace(0.0, 1.0, 5)  # simulated fractions of the quantity
+FRACTIONS = np.linspace(0.0, 1.0, 5)  # simulated fractions of the current, stroke or duty ratio
 
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """The axes of a derating map, each with rising values."""
+    """The axes of a derating table, each with rising values."""
 
     ambient: FloatArray  # ambient temperature [K], shape (a,)
     air: FloatArray  # air speed [m/s], shape (w,)
-    duration: FloatArray  # time at the load [s], infinity for the steady state, shape (d,)
+    duration: FloatArray  # duration of the load [s], infinity for the steady state, shape (d,)
 
     def __post_init__(self) -> None:
         for name in ("ambient", "air", "duration"):
@@ -63,16 +65,16 @@ class Conditions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Derating:
-    """Maps of the largest permissible fraction of a quantity, shape (d, w, a).
+    """Largest permissible fraction of current, stroke or duty ratio, as tables of shape (d, w, a).
 
     The axes are duration, air speed and ambient temperature. NaN means that even the fraction 0 exceeds a
-    limit.
+    temperature limit.
     """
 
     quantity: Quantity
     conditions: Conditions
     limits: tuple[Limit, ...]
-    share: FloatArray  # largest permissible fraction of the quantity
+    share: FloatArray  # largest permissible fraction of ``quantity``
     low: FloatArray  # lower end of the 90 % interval of ``share``
     high: FloatArray  # upper end of the 90 % interval of ``share``
     part: FloatArray  # index of the limit that is reached first; -1: no limit is reached
@@ -81,14 +83,14 @@ class Derating:
 def derate_damper(
     damper: Damper, drawing: DamperDrawing, duty: Duty, conditions: Conditions, quantity: Quantity
 ) -> Derating:
-    """Return the permissible fraction of the current, the stroke or the duty ratio of a load cycle.
+    """Return the largest permissible fraction of current, stroke or duty ratio of a load cycle.
 
     The segments of the load cycle are replaced by a single segment with their mean power.
 
     Raises
     ------
     InputError
-        If units of load cycle and damper differ, or an ambient temperature is above a limit.
+        If units of load cycle and damper differ, or an ambient temperature is at or above a limit.
     """
     drawing = replace(drawing, stroke=stroke_of(duty))
     limits = limits_of(drawing)
@@ -119,7 +121,7 @@ def derate_damper(
 
 
 def _mean_load(damper: Damper, drawing: DamperDrawing, duty: Duty, quantity: Quantity, share: float) -> Load:
-    """Return the mean load of a load cycle whose quantity is reduced to the fraction ``share``."""
+    """Return the mean load of a load cycle after its ``quantity`` was multiplied by ``share``."""
     motion = share if quantity == "stroke" else 1.0
     command = share if quantity == "current" else 1.0
     segments = tuple(_scaled(each, motion, command) for each in duty.segments)
@@ -144,7 +146,7 @@ def _scaled(segment: Segment, motion: float, command: float) -> Segment:
 
 
 def _joint_model(drawing: DamperDrawing, conditions: Conditions) -> ReducedModel:
-    """Return one reduced thermal model for all conditions; its basis has the responses at their extremes."""
+    """Return one reduced thermal model for all ambient temperatures and air speeds of a table."""
     ends = [(ambient, air) for ambient in conditions.ambient[[0, -1]] for air in conditions.air[[0, -1]]]
     around = [
         replace(drawing.surroundings, ambient=float(t), air_speed=float(u)) for t, u in dict.fromkeys(ends)
@@ -187,7 +189,7 @@ def _rise(equation: HeatEquation, load: Load, duration: FloatArray, parts: Seque
 
 
 def _rise_factors(drawing: DamperDrawing, load: Load, air: float, conditions: Conditions) -> FloatArray:
-    """Return the ends of the 90 % interval of the temperature rise / the rise, shape (durations, 2)."""
+    """Return the bounds of the 90 % interval of the rise, divided by the predicted rise."""
     ambient = float(np.median(conditions.ambient))
     around = replace(drawing.surroundings, ambient=ambient, air_speed=air)
     ends = np.where(np.isfinite(conditions.duration), conditions.duration, SETTINGS.map_steady_time_s)
@@ -198,12 +200,12 @@ def _rise_factors(drawing: DamperDrawing, load: Load, air: float, conditions: Co
 def _largest(
     rise: FloatArray, limits: Sequence[Limit], ambient: float, factors: FloatArray
 ) -> tuple[float, float, float, float]:
-    """Return the largest permissible fraction, the ends of its interval, and the index of the first limit.
+    """Return the largest permissible fraction, its bounds, and the index of the limit.
 
     Parameters
     ----------
     rise : temperature rise of the hottest points for all ``FRACTIONS`` [K], shape (fractions, limits)
-    factors : ends of the 90 % interval of the rise divided by the rise, shape (2,)
+    factors : bounds of the 90 % interval of the rise, divided by the rise, shape (2,)
     """
     known = np.isfinite(rise).all(axis=1)
     shares = FRACTIONS[known]

@@ -1,9 +1,10 @@
-"""Mechanical power of a damper as a function of temperature, from force loops simulated with the card.
+"""Mechanical power of a damper as a function of temperature.
 
-Force-displacement loops are simulated at some temperatures, and the mean power over whole cycles is computed.
-Between these temperatures, power and peak force are interpolated by monotone piecewise cubic Hermite
-interpolation (Fritsch and Carlson). The thermal simulation then needs no simulation of the damper. The mean
-power is sufficient because the fluid temperature changes by less than 0.1 K in a cycle.
+The damper model of the model card simulates force-displacement loops at several temperatures. Mean power and
+peak force of the loops are tabulated. Between these temperatures, power and peak force are interpolated by
+monotone piecewise cubic Hermite interpolation (Fritsch and Carlson). The thermal simulation uses the table
+instead of the damper model. The mean power is sufficient because the fluid temperature changes by less than
+0.1 K in a cycle.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from mrdamper.thermal.settings import SETTINGS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoopWork:
-    """Mean power and peak force of a motion at one command versus temperature.
+    """Mean power and peak force of a damper versus temperature, for one motion and one command.
 
     Outside the range of temperatures, power and peak force are constant.
     """
@@ -60,12 +61,12 @@ class LoopWork:
 
 
 def tabulate_work(damper: Damper, segment: Segment, *, temperature_K: FloatArray | None = None) -> LoopWork:
-    """Return mean power and peak force versus temperature of a damper in a segment of a load cycle.
+    """Tabulate mean power and peak force of a damper in one segment of a load cycle.
 
     Parameters
     ----------
-    temperature_K : temperatures to simulate; None: 11 temperatures in the range of the damper within 0 to
-            150 degC, and 20 degC; a single temperature if the damper does not depend on temperature
+    temperature_K : temperatures of the simulated loops; None: 20 degC and 11 temperatures between 0 and
+            150 degC, within the range of the damper model; only 20 degC if it ignores temperature
     """
     at = _temperatures(damper) if temperature_K is None else np.asarray(temperature_K, dtype=np.float64)
     if segment.path is None:

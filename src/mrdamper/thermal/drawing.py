@@ -1,4 +1,4 @@
-"""Geometry of a damper for heating: lengths, materials, fluid, coil, mounting, surroundings.
+"""Geometry of a damper for thermal simulation: lengths, materials, fluid, coil, surroundings.
 
 Users write the geometry as TOML in millimetres and degC (docs/thermal.md, ``drawing_file``). The fields are
 in metres and kelvin. The damper is axisymmetric. It consists of a tube with a flat cap at each end, a piston
@@ -147,7 +147,7 @@ class Filling:
     conductivity: float  # conductivity of the fluid at rest [W/(m K)]
     valid_K: tuple[float, float]
     stirring: float | None = None  # conductivity of the moving fluid / ``conductivity``; None: computed
-    # Thermal conductance between the gap and each chamber by the pumped fluid [W/K]; None: computed.
+    # Pumped fluid carries heat between the gap and each chamber: conductance [W/K]; None: computed.
     exchange: float | None = None
 
     @property
@@ -177,7 +177,7 @@ Multiplier = Annotated[float, Option("Factor of the value in the geometry file."
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Calibration factors for the heat capacity without fins and for the convection of the bare body."""
+    """Calibration factors of heat capacity (without fins) and of body convection."""
 
     heat_capacity: Multiplier = 1.0
     film: Multiplier = 1.0
@@ -188,7 +188,10 @@ class Calibration:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DamperDrawing:
-    """Geometry of a damper for heating. The constructor raises InputError if the parts do not fit."""
+    """Geometry of a damper for thermal simulation.
+
+    The constructor raises InputError if the parts do not fit together.
+    """
 
     name: str = "drawing"
     body: Body
@@ -216,10 +219,10 @@ class DamperDrawing:
 
     @property
     def capacity_factor(self) -> float:
-        """Return the factor on the heat capacity without fins that follows from the geometry [-].
+        """Return the correction factor for the heat capacity computed from volumes and materials [-].
 
-        The factor includes the calibration. If the geometry file states the heat capacity of the whole
-        damper, the factor also converts to this value.
+        The factor contains the calibration. If the geometry file states the heat capacity of the whole
+        damper, the factor also contains the ratio of stated to computed value. Fins are excluded.
         """
         measured = None if self.heat_capacity is None else self.heat_capacity.parts.get("damper")
         share = 1.0 if measured is None else measured.mean / self._geometric_capacity
@@ -244,7 +247,7 @@ class DamperDrawing:
         return math.fsum(of.volumetric_heat * volume for of, volume in heats)
 
     def capacity_growth(self, part: str) -> CapacityCurve | None:
-        """Return heat capacity versus temperature / mean heat capacity of a part; None if constant."""
+        """Return the heat capacity of a part divided by its mean; None if constant."""
         if self.heat_capacity is None:
             return None
         parts = self.heat_capacity.parts
@@ -295,19 +298,19 @@ class DamperDrawing:
 
     @property
     def exchange_conductivity(self) -> float:
-        """Return the axial conductivity times area [W m/K] that has the same effect as the pumped fluid.
+        """Return the conductivity times area [W m/K] of a solid that replaces the pumped fluid.
 
-        A conductor with this value would extend from the middle of the gap to the middle of a chamber. The
-        result divided by the area of an annulus is the effective axial conductivity of this annulus.
+        The solid conducts as much heat from the middle of the gap to the middle of a chamber as the pumped
+        fluid carries. Divide the result by the area of gap or chamber to obtain its axial conductivity.
         """
         return 0.5 * self.fluid_heat.exchange * (self.piston.length + self.chamber_length)
 
 
 def filling_of(fluid: Fluid, given: Mapping[str, float] = _NOTHING) -> Filling:
-    """Return the thermal properties of a fluid of ``models.fluid``; ``given`` overrides its properties.
+    """Return the thermal properties of a fluid, replaced by those in ``given``.
 
-    A missing conductivity is computed by the formula of Maxwell for well-conducting spheres in an oil with
-    0.14 W/(m K).
+    If the conductivity is missing, it is computed by Maxwell's formula for well-conducting spheres in oil.
+    The oil has a conductivity of 0.14 W/(m K).
     """
     share = fluid.particle_fraction
     stated: dict[str, float | None] = {
@@ -447,13 +450,12 @@ def _check_sink(drawing: DamperDrawing, sink: HeatSink) -> None:
 
 
 def _require(drawing: DamperDrawing, holds: bool, found: str, expected: str) -> None:  # noqa: FBT001
-    """Raise InputError if ``holds`` is False."""
     if not holds:
         raise InputError(place=drawing.name, found=found, expected=expected)
 
 
 def _take_means(drawing: DamperDrawing) -> None:
-    """Set each temperature-dependent heat capacity to the mean of its polynomial."""
+    """Replace heat capacities that depend on temperature by their mean values."""
     if drawing.heat_capacity is None:
         return
     means = {name: part.mean for name, part in drawing.heat_capacity.parts.items()}

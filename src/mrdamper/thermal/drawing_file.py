@@ -81,7 +81,7 @@ class DrawingTables:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _SinkTable:
-    """The required table of a heat-sink file."""
+    """Schema of a heat-sink file: the table [sink] is required."""
 
     sink: HeatSink
 
@@ -189,13 +189,13 @@ def _parse(text: str, place: str) -> Json:
 
 
 def _sink_of(document: Json, place: str) -> HeatSink | None:
-    """Return the heat sink of a document; None if there is no heat sink or its number of fins is 0."""
+    """Return the heat sink in a parsed TOML file; None if it is missing or has no fins."""
     table = _without_empty_sink(document).get("sink")
     return None if table is None else read_record(_SinkTable, {"sink": table}, place).sink
 
 
 def _without_empty_sink(document: Json) -> Json:
-    """Return a geometry file's document without the table [sink] if the number of fins is 0."""
+    """Return the tables of a parsed TOML file; omit a table [sink] without fins."""
     sink = document.get("sink")
     if isinstance(sink, dict) and sink.get("fins") == 0:
         return {key: table for key, table in document.items() if key != "sink"}

@@ -1,7 +1,7 @@
-"""Load cycles: motion and current of a damper versus time, as segments with a mean power.
+"""Load cycles: motion and command of a damper versus time, as segments with a mean power.
 
-The text ``sine:15mm:1Hz:2A:1800s`` is a motion of the module ``excitation`` with a command and a duration. A
-CSV table has one of these two sets of columns:
+A load cycle is a text or a CSV table. The text ``sine:15mm:1Hz:2A:1800s`` contains motion, command and
+duration. A CSV table has one of these two sets of columns:
 
     time_s, amplitude_mm, frequency_Hz, current_A       each row is a sine that lasts until the next row
     time_s, displacement_mm, current_A                  the measured motion, with a uniform time step
@@ -40,8 +40,8 @@ _EXPECTED = 'MOTION:COMMAND:DURATION, such as "sine:15mm:1Hz:2A:1800s", or a CSV
 class Segment:
     """A part of a load cycle with constant mean power.
 
-    ``path`` is a part of the motion that represents the segment (None: at rest). The samples before
-    ``counted_from`` do not count in the mean power.
+    ``path`` is a short part of the motion, for which the force is simulated (None: at rest). The mean power
+    is computed from the samples from index ``counted_from``, without the transient at the beginning.
     """
 
     duration: float  # [s]
@@ -131,10 +131,10 @@ def motion_at_command(text: str) -> tuple[Motion, float, str, float]:
 
 
 def stroke_of(duty: Duty) -> Stroke:
-    """Return the equivalent sine stroke, which moves as much fluid per time as a load cycle with its rests.
+    """Return a sine motion that displaces as much fluid per time as a load cycle, rests included.
 
-    Each segment is replaced by a sine with the same root mean squares of displacement and velocity. The
-    amplitude is the mean of these sines, weighted by their travelled paths.
+    Each segment is replaced by a sine with equal root mean squares of displacement and velocity. The
+    returned amplitude is the mean amplitude of these sines, weighted by the length of their paths.
     """
     path, gone = 0.0, 0.0
     for each in duty.segments:
@@ -153,8 +153,8 @@ def stroke_of(duty: Duty) -> Stroke:
 def segment_of(motion: Motion, command: float, duration: float) -> Segment:
     """Return a segment with a motion at a constant command [A or V] for a duration [s].
 
-    The power of a periodic motion is computed from its third period, which has at least 1000 samples. The
-    power of any other motion is computed from its first two minutes, without the first 5 % of them.
+    The power of a periodic motion is computed from its third period, which has at least 1000 samples. For
+    any other motion, the power is computed from its first two minutes. Their first 5 % are ignored.
     """
     period = getattr(motion, "period", None)
     if period is None:
@@ -167,7 +167,7 @@ def segment_of(motion: Motion, command: float, duration: float) -> Segment:
 
 
 def _command(text: str) -> tuple[float, str]:
-    """Return the value and the unit (A or V) of a command that is given as text."""
+    """Return the value and the unit (A or V) of a command such as ``2A``."""
     for role, unit in (("current", "A"), ("voltage", "V")):
         try:
             return _number(text, role), unit
@@ -187,9 +187,10 @@ def _is_command(text: str) -> bool:
 
 
 def _number(text: str, role: str) -> float:
-    """Return the value of a text with number and unit, converted to the SI unit of the quantity ``role``."""
+    """Return the SI value of a text such as ``2A``; ``role`` is the name of the quantity."""
     digits = len(text) - len(text.lstrip("0123456789.+-eE"))
-    # A letter e after the digits can belong to an exponent or to the unit. Therefore several cuts are tried.
+    # A letter e after the digits can belong to an exponent or to the unit. Therefore several splits into
+    # value and unit are tried.
     for cut in range(digits, 0, -1):
         try:
             value = float(text[:cut])
@@ -212,7 +213,7 @@ def _duty_of_table(table: Table, place: str) -> Duty:
     if "amplitude" in columns:
         segments = []
         sines = (columns[name].tolist() for name in ("amplitude", "frequency"))
-        # The last row is the end of the last segment.
+        # The last row only contains the time at which the last segment stops. Its motion is ignored.
         for duration, level, amplitude, frequency in zip(steps.tolist(), command.tolist(), *sines):  # noqa: B905
             if amplitude == 0.0:
                 segments.append(Segment(duration, None, 0, abs(level)))

@@ -3,8 +3,8 @@
 A heating curve determines two ratios: power divided by heat capacity, and conductance to ambient divided by
 heat capacity. Therefore two factors are fitted by nonlinear least squares: a factor on the heat capacity
 (without fins), and a factor on all convection (body and fins). The initial temperature is also fitted. The
-card determines the power. If the power is wrong, the two factors have the same relative error, and the
-simulated temperatures are still correct.
+power is not fitted because the damper model computes the power. If the computed power is wrong, the two
+factors have the same relative error, and the simulated temperatures are still correct.
 
 The zone network is fitted because its simulation takes only milliseconds. To calibrate a different thermal
 model, the temperature difference between this model and the network is subtracted from the measured curve.
@@ -36,10 +36,10 @@ from mrdamper.thermal.temperature_rise import Model, build_network, loads_of, si
 
 @dataclass(frozen=True, slots=True)
 class ModelUncertainty:
-    """Relative standard deviations of the properties of a damper that was not calibrated.
+    """Relative standard deviations of thermal properties before a calibration.
 
-    The calibration uses them as priors. Without priors, a short curve would change a factor that it does not
-    determine.
+    The calibration uses these standard deviations as priors. Without priors, the fit to a short heating
+    curve would change a factor on which the curve hardly depends.
     """
 
     power: float = 0.10
@@ -79,12 +79,12 @@ class CalibratedDrawing:
 
     @property
     def heat_capacity_error(self) -> float:
-        """Standard error of the heat-capacity factor, if the power of the card is exact."""
+        """Standard error of the heat-capacity factor, if the computed mechanical power is exact."""
         return self.heat_capacity * math.sqrt(self.covariance[1, 1])
 
     @property
     def film_error(self) -> float:
-        """Standard error of the film factor, if the power of the card is exact."""
+        """Standard error of the film factor, if the computed mechanical power is exact."""
         return self.film * math.sqrt(self.covariance[2, 2])
 
     @property
@@ -99,7 +99,7 @@ class CalibratedDrawing:
 
     @property
     def entries(self) -> dict[str, dict[str, float]]:
-        """Return the calibrated values for a geometry file, by table and key."""
+        """Return the calibrated values by table and key of the geometry file."""
         sink = self.drawing.sink
         found = {"calibration": {"heat_capacity": self.heat_capacity, "film": self.film}}
         return found if sink is None else found | {"sink": {"film_multiplier": sink.film_multiplier}}
@@ -118,7 +118,7 @@ def calibrate_drawing(
     Parameters
     ----------
     curve : measured curve; its time begins at the start of the load cycle [s]
-    works : mean power versus temperature for each segment of the load cycle, from the card
+    works : mean mechanical power versus temperature for each segment of the load cycle
     duty : load cycle, at least as long as the curve
     model : thermal model to calibrate
 
@@ -166,7 +166,7 @@ def residual_variance(residual: FloatArray, parameters: int) -> float:
 
 
 class _NetworkFit:
-    """Least-squares fit of a network to a curve.
+    """Least-squares fit of a thermal network to a measured heating curve.
 
     The parameters are the initial temperature [K] and the logarithms of heat-capacity factor and film factor.
     """
@@ -220,7 +220,7 @@ class _NetworkFit:
         return build_network(with_factors(self._drawing, math.exp(at[1]), math.exp(at[2])), self._model)
 
     def _logarithms(self, network: ThermalNetwork) -> FloatArray:
-        """Return the logarithms of heat capacity and heat loss of a network, to which the priors apply."""
+        """Return the logarithms of heat capacity and heat loss, which are compared with the priors."""
         warm = network.ambient + SETTINGS.reference_excess_K
         lost = sum(float(np.interp(warm, network.grid, row)) for row in network.watts)
         return np.log([network.total_capacity, max(lost, 1e-300)])
@@ -253,9 +253,9 @@ class _NetworkFit:
 def _model_minus_network(
     found: CalibratedDrawing, works: Sequence[LoopWork], duty: Duty, model: Model
 ) -> FloatArray:
-    """Return the thermometer temperature of ``model`` minus the temperature of the network [K], shape (n,).
+    """Simulate the thermometer with ``model`` and with the network; return the difference [K].
 
-    The results are at the n times of the measured curve.
+    The result has one value for each time of the measured curve.
     """
     curves = [
         simulate_rise(works, found.drawing, duty, model=each, start_K=found.start_K, stop_at_limit=False)

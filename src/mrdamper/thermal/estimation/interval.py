@@ -32,7 +32,7 @@ from mrdamper.thermal.temperature_rise import Model, Rise, loads_of
 
 @dataclass(frozen=True, slots=True)
 class TimeToLimit:
-    """Interval of the time to a temperature limit; infinity: not reached during the simulation."""
+    """90 % interval of the time to a temperature limit; infinity: not reached."""
 
     low_s: float
     high_s: float
@@ -40,7 +40,7 @@ class TimeToLimit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictionInterval:
-    """Intervals of the fluid temperature versus time, and of the times to the limits."""
+    """90 % intervals of the fluid temperature and of the times to temperature limits."""
 
     time: FloatArray  # [s], shape (t,)
     median: FloatArray  # predicted fluid temperature [K], shape (t,)
@@ -94,7 +94,11 @@ def predict_interval(
     misfit = 0.0 if calibrated is None else SETTINGS.misfit_ratio
 
     def band(weights: FloatArray, curve: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return ``curve`` [K] and its interval. After the end of the curve, the network continues it."""
+        """Return ``curve`` [K] and its bounds, at the times of the network simulation.
+
+        ``weights`` are the node weights of the same temperature. The simulation may last longer than the
+        curve. Then the simulated temperature follows after the last point of the curve.
+        """
         middle, up, down = _interval_widths(runs, weights)
         middle = middle + np.interp(time, rise.time, curve - np.interp(rise.time, time, middle))
         more = SETTINGS.interval_deviations * misfit * np.abs(middle - middle[0])
@@ -111,10 +115,10 @@ def predict_interval(
 
 
 def rise_factors(drawing: DamperDrawing, load: Load, at: FloatArray) -> FloatArray:
-    """Return the ends of the 90 % interval of the temperature rise / the rise itself, shape (times, 2).
+    """Return the bounds of the 90 % interval of the rise, divided by the predicted rise.
 
-    ``at`` are the times [s]. The rise is the temperature above ambient of the node that receives the
-    mechanical power.
+    ``at`` are the times [s]. The rise is the fluid temperature in the gap minus the ambient temperature. The
+    result has the shape (times, 2).
     """
     ambient = drawing.surroundings.ambient
     runs = _runs(drawing, [load], _prior_changes(), None, ambient + 250.0, "network")
@@ -168,7 +172,7 @@ def _runs(
 def _interval_widths(
     runs: Sequence[Heating], weights: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the nominal weighted mean of the nodes, and the half widths of its interval up and down [K]."""
+    """Return the weighted mean node temperature, and its upper and lower deviation [K]."""
     time = runs[0].time
     middle, *changed = (np.interp(time, each.time, each.temperature @ weights) for each in runs)
     off = (np.array(changed) - middle).reshape(-1, 2, len(time))

@@ -72,12 +72,12 @@ class HeatingCurve:
 def clean_curve(
     time_s: ArrayLike, temperature_K: ArrayLike, *, place: Place = "fluid", name: str = "curve"
 ) -> HeatingCurve:
-    """Return a curve without the bad readings of a data logger. Notes of the curve report removed samples.
+    """Return a heating curve without the bad readings of a data logger.
 
     The function removes samples that are not finite or not plausible, repeated times, and spikes. A spike is
-    a single sample far above or far below its three neighbours on each side. The distance is more than 8
-    standard deviations of the noise, 0.5 K, and 4 times the range of these neighbours. Steps and slopes of
-    the curve remain.
+    a single sample far above or far below the three samples before and the three samples after the spike.
+    The distance is more than 8 standard deviations of the noise, 0.5 K, and 4 times the range of the samples
+    on each side. Steps and slopes of the curve remain. ``HeatingCurve.notes`` lists the removed samples.
 
     Raises
     ------
