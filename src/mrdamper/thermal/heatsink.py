@@ -1,8 +1,8 @@
 """A heat sink: equal annular fins at equal distances on the body of a damper; geometry, mass and radiation.
 
 The properties in this module do not depend on temperature. ``surfaces`` computes the heat transfer. "Width"
-is the radial width of a fin. The reference paper states an "outer diameter of 23 mm" for damper and fin. This
-can only mean the radius of the body and the width of the fin.
+is the radial width of a fin. The geometry of the reference damper uses 23 mm as radius of the body and as
+width of a fin. The publication calls 23 mm an "outer diameter", but then the piston would not fit.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from mrdamper.thermal.materials import MATERIALS, Material
 
 
 def length_option(key: str, default_help: str = "") -> Option:
-    """Return the declaration of a length [m] that a file states in millimetres with the given key."""
-    # A length above 10 m is probably not in millimetres.
+    """Return the declaration of a file entry: a length in millimetres, stored in metres."""
+    # A value above 10 000 mm probably has another unit.
     return Option(key=key, unit="mm", above=0.0, most=10_000.0, default_help=default_help)
 
 
@@ -101,12 +101,12 @@ class HeatSink:
     def corrected_radius(self, body_diameter: float) -> float:
         """Return the corrected radius [m]: tip radius plus half the thickness.
 
-        With this radius, the area of the two sides includes the area of the tip.
+        The two sides of a fin with this radius have as much area as the two sides and the tip of the fin.
         """
         return self.tip_radius(body_diameter) + 0.5 * self.thickness
 
     def fin_area(self, body_diameter: float) -> float:
-        """Return the area of one fin [m^2], which is the area of the two sides with the corrected radius."""
+        """Return the area of one fin [m^2]: two sides and tip, by the corrected radius."""
         return 2.0 * math.pi * (self.corrected_radius(body_diameter) ** 2 - 0.25 * body_diameter**2)
 
     def fin_volume(self, body_diameter: float) -> float:
@@ -118,11 +118,11 @@ class HeatSink:
         return self.fins * self.fin_volume(body_diameter) * self.material.density
 
     def groove_share(self, body_diameter: float, body_emissivity: float) -> float:
-        """Return the effective emissivity of the walls of a groove between two fins [-].
+        """Return the effective emissivity of the walls between two fins [-].
 
-        The effective emissivity is the apparent emissivity of the opening times the ratio of opening area to
-        wall area. The walls are the sides of two fins and the body between them. Their emissivity is the area
-        mean of fins and body.
+        The walls are the facing sides of two fins and the body between the fins. With this emissivity, freely
+        radiating walls lose as much heat as the groove loses through its opening. The emissivity inside the
+        groove is the mean of fins and body, weighted by area.
         """
         root, tip = 0.5 * body_diameter, self.tip_radius(body_diameter)
         faces, floor = 2.0 * math.pi * (tip**2 - root**2), 2.0 * math.pi * root * self.gap

@@ -1,11 +1,11 @@
-"""Convection of annular fins on a horizontal tube: heat-transfer coefficients of sides, floor and rim.
+"""Convection of annular fins on a horizontal tube: heat-transfer coefficients.
 
 The *floor* is the tube between the fins, and the *rim* is the outer edge of a fin. In still air, the
-coefficients follow from the correlation of Tsubouchi and Masuda for the mean of fin sides and tube. It is
-corrected because the tube blocks the air in narrow gaps. With air across the axis, the coefficients follow
-from a developing flow between two discs that is driven by the wind pressure. docs/thermal.md describes the
-validation. ``side_uncertainty`` and ``RIM_UNCERTAINTY`` are the errors. All functions accept arrays of any
-shape and do not depend on geometry files.
+correlation of Tsubouchi and Masuda yields the mean coefficient of fin sides and tube. A factor corrects this
+correlation because the tube blocks the air in narrow gaps. In wind across the axis, the coefficients are
+computed for a developing flow between two discs, which is driven by the wind pressure. docs/thermal.md
+describes the validation. ``side_uncertainty`` and ``RIM_UNCERTAINTY`` quantify the errors. All functions
+accept arrays of any shape and do not depend on geometry files.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ The ratio applies to air across the axis.
 RIM_UNCERTAINTY = 0.5
 """Relative half width of the 90 % interval of the rim coefficient, in still air and in wind [-]."""
 
-_RATIOS = (1.05, 5.0)  # valid range of outer diameter divided by tube diameter
-_OF_WIND = 1.6  # driving pressure divided by rho U^2 / 2; fitted to computed flows
-_OF_CHANNEL = 0.91  # correction of the coefficient of the channel model; fitted to computed flows
-_RIM_THIN, _RIM_THICKNESS = 2.5, 1e-3  # relative coefficient of a thin rim, and its thickness [m]
+_RATIOS = (1.05, 5.0)  # valid range of outer fin diameter divided by tube diameter
+_OF_WIND = 1.6  # pressure that drives wind through a gap / (rho U^2 / 2); fitted to computed flows
+_OF_CHANNEL = 0.91  # correction factor of the film coefficient in wind; fitted to computed flows
+_RIM_THIN, _RIM_THICKNESS = 2.5, 1e-3  # rim coefficient / cylinder coefficient for a fin thickness [m]
 STRIP_COUNT = 12  # number of strips into which a disc is divided
 ITERATION_COUNT = 24
 # These parameters of the floor coefficient (see ``floor_share``) were fitted to computed flows.
@@ -76,10 +76,10 @@ def nusselt_annular_fins(rayleigh_gap: ArrayLike, diameter_ratio: float) -> Floa
 
 
 def natural_rim_share(thickness: float, layer: ArrayLike) -> FloatArray:
-    """Return the coefficient of the fin rim in still air, relative to a cylinder of the outer diameter [-].
+    """Return the coefficient of a fin's rim divided by the coefficient of a cylinder.
 
-    The ratio is 2.5 for a fin of 1 mm, as computed for one fin. For thick fins, it approaches 1. The
-    interpolation is an assumption that uses the thickness of the warm air layer around the cylinder.
+    The cylinder has the outer diameter of the fin. The ratio for still air is 2.5 for a fin of 1 mm, as
+    computed for one size of fin. The ratio approaches 1 for thick fins. The interpolation is an assumption.
 
     Parameters
     ----------
@@ -122,9 +122,9 @@ def forced_side_film(
     gap, tube, outer : gap S, tube diameter d, outer diameter D [m]; d = 0, or D / d in the range of
         ``nusselt_annular_fins``
     viscosity, prandtl : properties of air at film temperature [m^2/s], [-], equal shape
-    driving, correction : c_d, and a factor on the coefficient. The factor phi of ``nusselt_annular_fins``,
-        which is exact for narrow gaps, is included if d > 0. The values 1, 1 and d = 0 describe discs without
-        a tube.
+    driving : ratio c_d of the pressure that drives the flow to the wind pressure; 1 for discs without a tube
+    correction : factor on the result; 1 for discs without a tube (d = 0). For d > 0, the result also contains
+        the factor phi of ``nusselt_annular_fins``, which is exact for narrow gaps.
 
     Raises
     ------
@@ -144,8 +144,8 @@ def forced_side_film(
     pr = np.asarray(prandtl, dtype=np.float64)[..., None]
     drive = driving * speed**2
     log_speed = np.broadcast_to(0.5 * math.log(drive), np.broadcast_shapes(nu.shape, chord.shape)).copy()
-    # The left side of the equation is proportional to a power 1 to 2 of u. Therefore each iteration reduces
-    # the error by more than half.
+    # Solve c_d U^2 = u^2 [1 + 4 f c / (2 S)] for the air speed u. The right side is proportional to a power
+    # 1 to 2 of u. Therefore each iteration reduces the error by more than half.
     for _ in range(ITERATION_COUNT):
         within = np.exp(log_speed)
         resistance = 1.0 + 2.0 * _friction(chord, gap, within, nu) * chord / gap
@@ -158,7 +158,6 @@ def forced_side_film(
 
 
 def _friction(chord: FloatArray, gap: float, speed: FloatArray, viscosity: FloatArray) -> FloatArray:
-    """Return the apparent friction factor of a developing flow between plates [-]."""
     reynolds = 2.0 * speed * gap / viscosity
     entry = chord / (2.0 * gap * reynolds)
     start = 3.44 / np.sqrt(entry)
@@ -166,9 +165,10 @@ def _friction(chord: FloatArray, gap: float, speed: FloatArray, viscosity: Float
 
 
 def best_gap_in_wind(speed: float, length: float, viscosity: ArrayLike, prandtl: ArrayLike) -> FloatArray:
-    """Return the gap between parallel plates [m] that gives the largest total heat flow in a given space.
+    """Return the gap of a stack of plates [m] for which the stack loses the most heat.
 
-    The gap is 3.24 L Re_L^-1/2 Pr^-1/4 (Bejan and Sciubba), for laminar flow between plates of length L [m].
+    The stack has a given size, and the number of plates follows from the gap. The gap is
+    3.24 L Re_L^-1/2 Pr^-1/4 (Bejan and Sciubba), for laminar flow between plates of length L [m].
     """
     reynolds = speed * length / np.asarray(viscosity, dtype=np.float64)
     return np.asarray(3.24 * length / np.sqrt(reynolds) / np.asarray(prandtl, dtype=np.float64) ** 0.25)
@@ -177,18 +177,20 @@ def best_gap_in_wind(speed: float, length: float, viscosity: ArrayLike, prandtl:
 def floor_share(
     speed: float, gap: float, outer: float, viscosity: ArrayLike, prandtl: ArrayLike
 ) -> FloatArray:
-    """Return the coefficient of the floor divided by the coefficient of the fin sides [-], in wind.
+    """Return the coefficient of the tube between fins divided by that on the fin sides.
 
-    The ratio is 1.2 (1 - exp(-(S / S0)^5)) for the gap S. S0 is 1.18 times ``best_gap_in_wind`` for the mean
-    chord of a disc. The formula was fitted to computed flows for fins of one size at 2 m/s. Its error at 1
-    and 5 m/s is below 0.3.
+    The ratio in wind is 1.2 (1 - exp(-(S / S0)^5)) for the gap S. S0 is 1.18 times ``best_gap_in_wind`` for
+    the mean chord of a disc. The formula was fitted to computed flows for fins of one size at 2 m/s. At 1 and
+    5 m/s, the error of the ratio is below 0.3.
     """
     wide = _FLOOR_GAP * best_gap_in_wind(speed, 0.25 * math.pi * outer, viscosity, prandtl)
     return np.asarray(-_FLOOR_WIDE * np.expm1(-((gap / wide) ** _FLOOR_POWER)))
 
 
 def side_uncertainty(gap: float, diameter_ratio: float, speed: float) -> float:
-    """Return the relative half width of the 90 % interval of the coefficient of sides and floor [-].
+    """Return the relative error of the coefficients of fin sides and of the tube [-].
+
+    The error is the half width of the 90 % interval, divided by the coefficient.
 
     The half width is 0.15 for gaps of 5 mm or more in still air, and 0.20 for smaller gaps and in wind. It is
     0.30 for fins shorter than a third of the tube diameter or longer than the tube diameter.
@@ -199,7 +201,7 @@ def side_uncertainty(gap: float, diameter_ratio: float, speed: float) -> float:
 
 
 def _passed(ratio: float) -> float:
-    """Return phi of ``nusselt_annular_fins``: the factor by which the tube reduces the flow in a gap [-]."""
+    """Return the factor by which the tube reduces the air flow in a gap between fins."""
     return ratio**2 / (1.0 + ratio**2)
 
 

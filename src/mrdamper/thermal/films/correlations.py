@@ -4,8 +4,8 @@ Every function is an equation on arrays of any shape. If the library ``ht`` has 
 compares both to 1e-12. ``ht`` itself accepts only scalars and is too slow here, because the tables of the
 zone network need some hundred points per surface. ``surfaces`` selects the correlation for a surface.
 
-An argument outside the stated range raises ``EnvelopeError``. Vanishing temperature differences are an
-exception: natural convection then has a limit, and its heat flow vanishes.
+An argument outside the stated range raises ``EnvelopeError``. There is one exception: temperature differences
+near zero are accepted, because the heat flow by natural convection is then negligible.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ from mrdamper.thermal.model.section import Role, Section, section_of
 
 _FACET_POINTS = 3  # number of Gauss points on a facet
 _SAME_M = 1e-9  # Positions with a smaller difference count as equal.
-_SIDES = ((0, 1), (1, 2), (0, 2))  # corners at the ends of the sides that have the midpoints 3, 4 and 5
+_SIDES = ((0, 1), (1, 2), (0, 2))  # corners between which the nodes 3, 4 and 5 of a triangle are placed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,10 +48,10 @@ class FieldModel:
 
     section: Section
     mesh: SectionMesh
-    nodes: FloatArray  # (r, z) [m], shape (n, 2)
-    elements: IntArray  # shape (t, 6)
+    nodes: FloatArray  # coordinates (r, z) of the nodes [m], shape (n, 2)
+    elements: IntArray  # indices of the six nodes of each triangle, shape (t, 6)
     equation: HeatEquation
-    surface: IntArray  # index of the surface at each surface point, shape (p,)
+    surface: IntArray  # index in ``section.surfaces`` of each surface point, shape (p,)
 
     def field(self, state: FloatArray) -> FloatArray:
         """Return the temperatures at the nodes [K] for unknowns above ambient [K]."""
@@ -83,9 +83,9 @@ def discretise(section: Section, mesh: SectionMesh) -> FieldModel:
         return sparse.csr_array((parts.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
 
     def mean_over(*roles: Role) -> FloatArray:
-        """Return the weights of the nodes for the volume mean over the regions with these roles.
+        """Return the node weights for the mean temperature of the regions with some roles.
 
-        The same vector is the load of 1 W that is distributed uniformly over these regions.
+        The weights are also the load vector for 1 W of heat, distributed uniformly in these regions.
         """
         inside = _with_roles(section, mesh, roles)
         row = np.bincount(elements[inside].ravel(), local.loads[inside].ravel(), size)
@@ -121,7 +121,7 @@ def discretise(section: Section, mesh: SectionMesh) -> FieldModel:
 
 
 def _growing(section: Section, mesh: SectionMesh) -> list[tuple[CapacityCurve, NDArray[np.bool_]]]:
-    """Return pairs of heat-capacity curve and mask of triangles for parts with variable heat capacity."""
+    """Return curve and triangles of each part whose heat capacity is not constant."""
     parts: dict[tuple[str, CapacityCurve], list[int]] = {}
     for k, region in enumerate(section.regions):
         if region.growth is not None:
@@ -139,12 +139,12 @@ def _quadratic_nodes(mesh: SectionMesh) -> tuple[FloatArray, IntArray]:
 
 
 def _reference() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return three arrays of integrals over a triangle of unit area.
+    """Return integrals of shape functions over a triangle of unit area, in three arrays.
 
-    The integrands are products with a barycentric coordinate L, because the radius r is linear in L: shape
-    functions times L, shape (6, 3); products of two shape functions times L, shape (36, 3); and products of
-    two derivatives of shape functions times L, shape (3, 3, 36, 3). Radon's formula with seven points is
-    exact for polynomials of degree 5 (tested).
+    The integrands are the shape functions, shape (6, 3); products of two shape functions, shape (36, 3); and
+    products of two derivatives of shape functions, shape (3, 3, 36, 3). The last axis is for the factor in
+    every integrand: one of three barycentric coordinates, of which the radius r is a linear function. Radon's
+    formula with seven points is exact for polynomials of degree 5 (tested).
     """
     root = math.sqrt(15.0)
     points, weights = [[1.0 / 3.0] * 3], [9.0 / 40.0]
@@ -167,19 +167,19 @@ def _reference() -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 class _Local:
-    """Integrals over each triangle rotated about the axis, for all pairs of its nodes and unit properties."""
+    """Element matrices of all triangles for unit conductivity and unit heat capacity."""
 
     def __init__(self, mesh: SectionMesh) -> None:
-        corners = mesh.corners[mesh.triangles]  # (t, 3, 2)
+        corners = mesh.corners[mesh.triangles]
         doubled = mesh.doubled_areas()
-        # These are the triangle areas times 2 pi r at the corners.
+        # Area of each triangle times 2 pi r at its three corners, shape (t, 3).
         self._turned = math.pi * doubled[:, None] * corners[:, :, 0]
         r, z = corners[:, :, 0], corners[:, :, 1]
         after, before = [1, 2, 0], [2, 0, 1]
         self._gradient = np.stack([z[:, after] - z[:, before], r[:, before] - r[:, after]]) / doubled[:, None]
         shapes, products, self._slopes = _reference()
         self.loads = self._turned @ shapes.T  # integrals of shape functions, shape (t, 6)
-        self.products = self._turned @ products.T  # integrals of their products, shape (t, 36)
+        self.products = self._turned @ products.T  # integrals of their pairwise products, shape (t, 36)
 
     def conduction(self, along: FloatArray) -> FloatArray:
         """Return the conduction matrices of all triangles for conductivities along r and z, shape (t, 36)."""
@@ -215,9 +215,10 @@ def _with_roles(section: Section, mesh: SectionMesh, roles: Sequence[Role]) -> N
 def _surface_points(
     mesh: SectionMesh, elements: IntArray, size: int
 ) -> tuple[sparse.csr_array, FloatArray, IntArray]:
-    """Return the interpolation matrix to the Gauss points on the facets, their areas, and surface indices.
+    """Return interpolation matrix, areas and surface indices of points on the surface.
 
-    The areas [m^2] are the weights of the points in integrals over the surface of revolution.
+    The matrix interpolates node temperatures at the Gauss points of the facets. The areas [m^2] are the
+    weights of the points in integrals over the surface of revolution.
     """
     ends = np.sort(
         np.concatenate([mesh.triangles[:, [0, 1]], mesh.triangles[:, [1, 2]], mesh.triangles[:, [0, 2]]])
@@ -229,9 +230,7 @@ def _surface_points(
         raise InputError(place="mesh", found=f"the facet {fault} is not the side of a triangle") from fault
     at, weight = np.polynomial.legendre.leggauss(_FACET_POINTS)
     s = 0.5 * (1.0 + at)
-    shape = np.stack(
-        [(1.0 - s) * (1.0 - 2.0 * s), s * (2.0 * s - 1.0), 4.0 * s * (1.0 - s)], axis=1
-    )  # (q, 3)
+    shape = np.stack([(1.0 - s) * (1.0 - 2.0 * s), s * (2.0 * s - 1.0), 4.0 * s * (1.0 - s)], axis=1)
     first, last = mesh.corners[mesh.facets[:, 0]], mesh.corners[mesh.facets[:, 1]]
     length = np.hypot(*(last - first).T)
     radius = first[:, :1] + np.outer(last[:, 0] - first[:, 0], s)
@@ -246,11 +245,11 @@ def _surface_points(
 
 
 def cooling_in(model: FieldModel, surroundings: Surroundings, *, reference: float | None = None) -> Cooling:
-    """Return the cooling of a model in ``surroundings``, which replace the surroundings of the model.
+    """Return the cooling of a model for other surroundings than in its geometry.
 
     Parameters
     ----------
-    reference : temperature that corresponds to zero unknowns [K]; None: ambient of the model
+    reference : temperature that is subtracted from all unknowns [K]; None: ambient of the model
     """
     drawing = model.section.drawing
     if drawing is None:
@@ -260,7 +259,7 @@ def cooling_in(model: FieldModel, surroundings: Surroundings, *, reference: floa
 
 
 def _cooling(section: Section, which: IntArray, reference: float) -> Cooling:
-    """Return the cooling of surface points; ``which`` has the surface index of each point."""
+    """Return the cooling of points; ``which`` are their indices in ``section.surfaces``."""
     surfaces = section.surfaces
     return Cooling(
         section.ambient,

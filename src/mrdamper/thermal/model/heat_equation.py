@@ -7,9 +7,9 @@ vector p. W is the coil heat at 20 degC with the load vector c. E is the increas
 local temperature, because the coil resistance increases. B interpolates θ at the surface points, which have
 the areas a and the heat fluxes q. The matrices are sparse for the finite elements, and small and dense for
 the reduced model. Both models use the same time integration (``stepping``). If the heat capacity of a part
-depends on its mean temperature, M changes with time. The Jacobian is exact except for this dependence. The
-dependence of P on the mean fluid temperature would make the matrix dense. Therefore it is included by the
-Sherman-Morrison formula.
+depends on its mean temperature, M changes with time. The Jacobian is exact except for this change. Because P
+depends on the mean fluid temperature, the Jacobian is a sparse matrix plus a dense matrix of rank one. The
+Sherman-Morrison formula solves equations with this sum.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ class Cooling:
     ----------
     ambient : temperature of the surroundings [K]
     grid, films : temperatures [K], and convective coefficients at these temperatures, as in ``Section``
-    law : row of ``films`` for each point, shape (p,)
+    law : row of ``films`` that applies to each point, shape (p,)
     emissivity : emissivity of each point, shape (p,)
     mount : conductance to the mountings per area of each point [W/(m^2 K)], shape (p,)
     paths : indices in ``network.PATHS`` of convection and radiation of each point, shape (2, p)
-    reference : temperature that corresponds to zero unknowns [K]; None: ambient
+    reference : temperature that is subtracted from all unknowns [K]; None: ambient
     """
 
     def __init__(
@@ -70,12 +70,12 @@ class Cooling:
         self._law, self._mount = law, mount
         self._black = emissivity * STEFAN_BOLTZMANN
         self._low, self._width = float(grid[0]) - reference, float(grid[1] - grid[0])
-        # Cubic splines of the heat flux, shape (heat-transfer laws, temperature intervals, 4).
+        # Coefficients of cubic splines of convective heat flux, shape (rows of ``films``, intervals, 4).
         self._cubics = CubicSpline(grid, (films * (grid - ambient)).T).c.transpose(2, 1, 0).copy()
         points = np.arange(len(law))
         mount_column = np.full(len(law), PATHS.index("mount"))
-        # This matrix sums the fluxes of all points by path. Its columns are the convection of all points,
-        # then the radiation, then the mount.
+        # The matrix ``_sort`` sums the heat flows of all points by path of ``PATHS``. Its columns are the
+        # convection at all points, then the radiation, then the conduction to the mountings.
         where = np.concatenate([paths[0], paths[1], mount_column])
         self._sort = sparse.csr_array(
             (np.ones(3 * len(law)), (where, np.concatenate([points + k * len(law) for k in range(3)]))),
@@ -108,8 +108,8 @@ class Cooling:
     def by_path(self, fluxes: FloatArray, area: FloatArray) -> FloatArray:
         """Return the heat flow through each path of ``network.PATHS`` [W], shape (paths,).
 
-        ``fluxes`` is the first result of the method ``fluxes``, shape (3, p). ``area`` has the areas of the p
-        points.
+        ``fluxes`` are heat fluxes at the p points, as returned by the method ``fluxes``, shape (3, p).
+        ``area`` are the areas of these points.
         """
         return np.asarray(self._sort @ (fluxes * area).ravel())
 
@@ -131,7 +131,10 @@ class Cooling:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HotSpots:
-    """Matrices that convert the unknowns to temperatures at possible hot spots, shape (m, n) each."""
+    """Three matrices of shape (m, n) that return temperatures of a part for n unknowns.
+
+    Each row is for one of m points that can be the hottest point of the part.
+    """
 
     gap: Matrix
     coil: Matrix
@@ -155,8 +158,8 @@ class HeatEquation:
     stiffness: Matrix  # heat conduction [W/K], shape (n, n)
     mechanical: FloatArray  # load vector for 1 W of mechanical power, shape (n,)
     electrical: FloatArray  # load vector for 1 W of coil heat, shape (n,)
-    warming: Matrix  # E: increase of a coil heat of 1 W with the local temperature [1/K], shape (n, n)
-    surface: Matrix  # B: interpolation at the surface points, shape (p, n)
+    warming: Matrix  # E: derivative of a coil heat of 1 W to the temperatures [1/K], shape (n, n)
+    surface: Matrix  # B: temperatures of the surface points for given unknowns, shape (p, n)
     area: FloatArray  # area of the surface points [m^2], shape (p,)
     cooling: Cooling
     fluid: FloatArray  # weights of the unknowns for the mean fluid temperature, shape (n,)
@@ -207,7 +210,7 @@ class FieldHeating(EnergyAccount):
     state: FloatArray  # unknowns above ambient [K], shape (k, n)
     flow: FloatArray  # heat flow through each path and from each source [W], shape (k, 7)
     energy: FloatArray  # heat through each path and from each source since the start [J], shape (k, 7)
-    stopped: bool  # True if the fluid reached the temperature at which the simulation ends
+    stopped: bool  # True if the simulation stopped because the fluid reached a given temperature
 
     def _mean(self, weights: FloatArray) -> FloatArray:
         return np.asarray(self.state @ weights + self.equation.ambient)
@@ -259,12 +262,12 @@ def simulate_field(
     ----------
     start : uniform temperature at the start [K], or unknowns above ambient, shape (n,); None: ambient
     longest_step : maximum step [s]; steps grow from ``first_step`` after each change of load
-    stop_at : mean fluid temperature at which the simulation ends [K]
+    stop_at : mean fluid temperature at which the simulation stops [K]
 
     Raises
     ------
     EnvelopeError
-        If a surface leaves the temperature range of its losses.
+        If the temperature of a surface is outside the table of convective coefficients.
     """
     return FieldHeating(
         equation,
@@ -296,7 +299,7 @@ def steady_field(equation: HeatEquation, load: Load) -> FloatArray:
     for _ in range(60):
         here = system.evaluate(state)
         move = system.solver(here, 1.0, 0.0)(here.rate)
-        # The change is expressed as a temperature at some points, because reduced unknowns have no unit.
+        # Newton's step is judged by temperatures at some points, because reduced unknowns have no unit.
         seen = (equation.surface @ move, equation.spots.gap @ move, equation.spots.coil @ move)
         largest = max(float(np.abs(each).max(initial=0.0)) for each in seen)
         if not math.isfinite(largest) or largest > 1e9:
@@ -327,7 +330,7 @@ def _first_state(equation: HeatEquation, start: float | FloatArray | None) -> Fl
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Here:
-    """The terms of the heat equation at one state."""
+    """Right-hand side of the heat equation, heat flows and derivatives at one state."""
 
     rate: FloatArray  # M dθ/dt [W], shape (n,)
     flow: FloatArray  # heat flow through each path and from each source [W], shape (7,)
@@ -344,9 +347,9 @@ class FieldSystem:
 
     def __init__(self, equation: HeatEquation) -> None:
         self.equation, self.nodes = equation, equation.size
-        # 1ᵀ E: this row times a state is the relative increase of the total coil heat.
+        # ``_warm_row`` times the unknowns is the increase of the total coil heat / coil heat at 20 degC.
         self._warm_row = np.asarray(equation.warming.T @ equation.uniform)
-        self._mass = equation.mass  # mass matrix at the point of linearisation
+        self._mass = equation.mass  # mass matrix at the state of the last call of ``linearise``
 
     def take(self, load: Load) -> None:
         """Set the load. Its mechanical power is stored as a cubic spline of the fluid temperature."""
@@ -366,20 +369,20 @@ class FieldSystem:
         """
         here = self.evaluate(state[: self.nodes])
         warming = here.rate
-        if self.equation.storage:  # Convert to the mass matrix at the point of linearisation.
+        if self.equation.storage:  # Convert M dθ/dt: all stages of a step use the mass matrix ``_mass``.
             mass = self.equation.mass_at(state[: self.nodes])
             warming = self._mass @ factorise(mass)(warming)
         return np.concatenate([warming, here.flow])
 
     def inertia(self, rate: FloatArray) -> FloatArray:
-        """Return M times the rate of the unknowns, and the unchanged rates of the energies."""
+        """Return M times a derivative of the unknowns, then the derivatives of the energies."""
         return np.concatenate([self._mass @ rate[: self.nodes], rate[self.nodes :]])
 
     def balance(self, before: FloatArray, after: FloatArray) -> FloatArray:
-        """Return the state after a step, shifted by a uniform temperature that closes the energy balance.
+        """Return the state ``after`` a step, corrected so that the energy balance closes.
 
-        The shift is zero if heat capacities are constant. If they depend on temperature, the energy balance
-        of a step has the error of the time integration.
+        The correction adds a uniform temperature. It is zero if heat capacities are constant. Heat capacities
+        that depend on temperature cause an error of the energy balance in each step.
         """
         e, n = self.equation, self.nodes
         if not e.storage:
@@ -393,7 +396,10 @@ class FieldSystem:
         return found
 
     def linearise(self, state: FloatArray, shrunk: float) -> tuple[FloatArray, Solver]:
-        """Return the right-hand side at a state, and the solver of (M - shrunk J) x = b."""
+        """Return the right-hand side at a state, and the solver of (M - ``shrunk`` J) x = b.
+
+        ``shrunk`` is gamma times the time step [s], as in ``stepping.System``. J is the Jacobian.
+        """
         n = self.nodes
         here = self.evaluate(state[:n])
         self._mass = self.equation.mass_at(state[:n])
@@ -406,7 +412,6 @@ class FieldSystem:
         return np.concatenate([here.rate, here.flow]), with_energies
 
     def evaluate(self, state: FloatArray) -> _Here:
-        """Return the terms of the heat equation at a state."""
         e = self.equation
         fluxes, slopes = e.cooling.fluxes(e.surface @ state)
         mean = float(e.fluid @ state)
@@ -419,14 +424,17 @@ class FieldSystem:
         return _Here(rate, flow, slopes, power_slope)
 
     def flow_change(self, here: _Here, move: FloatArray) -> FloatArray:
-        """Return the first-order change of the heat flows of paths and sources [W] for a change of state."""
+        """Return the linearised change of all heat flows [W] for a change of the unknowns."""
         e = self.equation
         lost = e.cooling.by_path(here.slopes * (e.surface @ move), e.area)
         gained = [here.power_slope * (e.fluid @ move), self._coil_W * (self._warm_row @ move)]
         return np.concatenate([lost, gained])
 
     def solver(self, here: _Here, shrunk: float, inertia: float) -> Solver:
-        """Return the solver of (inertia M - shrunk J) x = b; J is the derivative of the right-hand side."""
+        """Return the solver of (inertia M - shrunk J) x = b with the Jacobian J.
+
+        ``inertia`` is 1 for a time step and 0 for the steady state. ``shrunk`` is gamma times the time step.
+        """
         e = self.equation
         weight = e.area * here.slopes.sum(axis=0)
         bend = shrunk * here.power_slope
@@ -448,7 +456,8 @@ def factorise(matrix: Matrix) -> Solver:
     if isinstance(matrix, np.ndarray):
         factors = lu_factor(matrix, check_finite=False)
         return lambda right: np.asarray(lu_solve(factors, right, check_finite=False))
-    # Pivots stay on the diagonal because the matrix is nearly symmetric. Wide panels are not faster.
+    # Pivots stay on the diagonal because the matrix is nearly symmetric. The option panel_size is only 2
+    # because wider panels are not faster.
     sparse_factors = splu(
         sparse.csc_array(matrix),
         permc_spec="MMD_AT_PLUS_A",

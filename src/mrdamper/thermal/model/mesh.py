@@ -1,8 +1,9 @@
-"""Triangle meshes of a section: a grid along the sides of all blocks, refined at their corners.
+"""Triangle meshes of the meridian section of a damper, refined at corners.
 
-The heat flux is singular at points where three materials meet, and at the roots of fins. All triangle sides
-that end in such a corner are cut repeatedly. This method needs few nodes and creates no hanging nodes. A mesh
-consists of nodes, triangles with their region, and facets (sides on the outline) with their surface.
+The section consists of rectangles (blocks) of material. The mesh starts as a grid with lines along all sides
+of the rectangles. The heat flux is singular at points that touch three materials, and at the roots of fins.
+All triangle sides that meet in such a point are divided repeatedly. This refinement needs few nodes and
+creates no hanging nodes. A facet is a side of a triangle on the surface of the damper.
 """
 
 from __future__ import annotations
@@ -21,16 +22,16 @@ from mrdamper.thermal.model.section import Edge, Section
 
 IntArray = NDArray[np.int64]
 
-SIDE_TOLERANCE_M = 1e-9  # Sides with a smaller distance count as equal.
-CUT_RATIO = 0.35  # distance of a cut from the corner, divided by the length of the side
-EDGE_CELL_RATIO = 0.15  # size of the first cell at a side, divided by the requested size
-CELL_GROWTH_RATIO = 1.0  # increase of the cell size / distance from the side of a material block
-FIRST_CELL_RATIO_MAX = 0.2  # max radial size of the first cell, divided by the radial width of the block
+SIDE_TOLERANCE_M = 1e-9  # Sides of rectangles with a smaller distance count as one side.
+CUT_RATIO = 0.35  # A side of a triangle is cut at this fraction of its length from the refined corner.
+EDGE_CELL_RATIO = 0.15  # size of cells next to a boundary of a material / maximum cell size
+CELL_GROWTH_RATIO = 1.0  # increase of the cell size / distance from the boundary of a material
+FIRST_CELL_RATIO_MAX = 0.2  # max radial size of a cell next to a boundary / radial width of the material
 # The gap conducts much better along z than along r. Therefore the heat flow turns near its walls, and the
 # cells must be smaller there.
 GAP_FIRST_CELL_RATIO_MAX = 0.05
-AXIAL_CELL_RATIO_MAX = 1.0  # max axial size of the first cell, divided by the axial length of the block
-SAMPLE_COUNT = 129  # number of points in an interval at which the wanted cell size is evaluated
+AXIAL_CELL_RATIO_MAX = 1.0  # max axial size of a cell next to a boundary / axial length of the material
+SAMPLE_COUNT = 129  # number of points between two boundaries at which the cell size is evaluated
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,13 +74,13 @@ def mesh_section(section: Section, size: float = 0.008, *, levels: int = 3) -> S
 
     Parameters
     ----------
-    size : maximum side of a cell along r or z [m]; cells at the sides of blocks are smaller
+    size : maximum side of a cell along r or z [m]; cells next to boundaries of materials are smaller
     levels : number of refinements at each corner of the blocks
 
     Raises
     ------
     InputError
-        If blocks overlap, or if an edge of the section is not made of sides of triangles.
+        If blocks overlap, or if an edge that loses heat is not on the outline of the blocks.
     """
     if not (math.isfinite(size) and size > 0.0):
         raise InputError(place="mesh", found=f"size is {size} m", expected="a positive, finite number")
@@ -111,8 +112,8 @@ def mesh_section(section: Section, size: float = 0.008, *, levels: int = 3) -> S
     across = len(heights)
     low_in, low_out = i * across + j, (i + 1) * across + j
     high_in, high_out = low_in + 1, low_out + 1
-    # The diagonals of the cells are mirrored about the middle, so that a symmetric section has a symmetric
-    # mesh.
+    # Above the middle of the section, the diagonals have the opposite direction. Then a symmetric section
+    # has a symmetric mesh.
     rising = heights[j] + heights[j + 1] < heights[0] + heights[-1]
     first = np.where(rising, [low_in, low_out, high_out], [low_in, low_out, high_in]).T
     second = np.where(rising, [low_in, high_out, high_in], [low_out, high_out, high_in]).T
@@ -135,7 +136,7 @@ class _Triangles:
         self.facets, self.surface = facets, surface
 
     def cut_around(self, corner: int) -> None:
-        """Cut every side that ends in a corner, and divide each triangle at the corner into three."""
+        """Cut all sides that meet in a node, and divide each triangle at this node into three."""
         at, place = np.nonzero(self.triangles == corner)
         ring = self.triangles[at]
         a, b = ring[np.arange(len(at)), (place + 1) % 3], ring[np.arange(len(at)), (place + 2) % 3]
@@ -145,8 +146,8 @@ class _Triangles:
         self.nodes = np.concatenate(
             [self.nodes, self.nodes[corner] + CUT_RATIO * (self.nodes[far] - self.nodes[corner])]
         )
-        # The remaining quadrilateral is divided along its shorter diagonal. If both are equal, the diagonal
-        # closer to the axis is used.
+        # The cut leaves a quadrilateral, which is divided along its shorter diagonal. If the diagonals have
+        # equal lengths, the diagonal closer to the axis is used.
         diagonal = np.hypot(*(self.nodes[new_a] - self.nodes[b]).T) - np.hypot(
             *(self.nodes[a] - self.nodes[new_b]).T
         )
@@ -173,7 +174,6 @@ class _Triangles:
             self.surface = np.concatenate([self.surface, self.surface[touching]])
 
     def mesh(self) -> SectionMesh:
-        """Return the finished mesh without unused nodes."""
         used, compact = np.unique(self.triangles, return_inverse=True)
         if not np.isin(self.facets, used).all():
             raise InputError(place="section", found="an edge lies outside all blocks")
@@ -187,9 +187,9 @@ class _Triangles:
 
 
 def _corners(region: IntArray) -> list[int]:
-    """Return the grid nodes at corners of regions that need refinement; convex outer corners are omitted.
+    """Return the grid nodes at corners of regions, except convex corners of the outline.
 
-    Mirrored nodes are consecutive in the list, so that the refinement of a symmetric grid is symmetric.
+    A node is followed by its mirror image, so that the refinement of a symmetric grid is symmetric.
     """
     padded = np.pad(region, 1, constant_values=-1)
     quarters = np.stack([padded[:-1, :-1], padded[1:, :-1], padded[:-1, 1:], padded[1:, 1:]])
@@ -202,11 +202,11 @@ def _corners(region: IntArray) -> list[int]:
 
 
 def _lines(sides: list[float], size: float, share_at: Callable[[float], float]) -> FloatArray:
-    """Return the positions of all grid lines: the sides of blocks, and lines between the sides.
+    """Return the positions of grid lines: the sides of blocks, and lines between the sides.
 
-    Sides within the tolerance are merged. Cells grow from the sides towards the middle of each interval. The
-    size of the first cell is limited to a fraction of the interval. ``share_at`` returns this fraction for an
-    interval, given the position of its middle.
+    The lines between two sides divide the distance into cells, which grow from the sides towards the middle.
+    The cells next to a side are limited to a fraction of the distance. ``share_at`` returns this fraction for
+    the position of the middle. Sides that differ by less than the tolerance are merged.
     """
     ordered = np.unique(sides)
     distinct = ordered[np.concatenate([[True], np.diff(ordered) > SIDE_TOLERANCE_M])]
@@ -221,13 +221,13 @@ def _lines(sides: list[float], size: float, share_at: Callable[[float], float]) 
         cells = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(at) * (1.0 / wanted[1:] + 1.0 / wanted[:-1]))])
         count = max(1, math.ceil(cells[-1] - 1e-6))
         if abs(start + stop - distinct[0] - distinct[-1]) < SIDE_TOLERANCE_M:
-            count += count % 2  # Diagonals are mirrored at the middle, so no cell may extend across it.
+            count += count % 2  # No cell may cross the middle, because diagonals change direction there.
         pieces.append(np.interp(np.arange(count) * (cells[-1] / count), cells, at))
     return np.concatenate([*pieces, distinct[-1:]])
 
 
 def _cells(lines: FloatArray, low: float, high: float) -> slice:
-    """Return the slice of the grid cells between two sides (positions) of a block."""
+    """Return the slice of the grid cells between the positions of two sides of a block."""
     return slice(_line(lines, low), _line(lines, high))
 
 

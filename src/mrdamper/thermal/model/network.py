@@ -33,9 +33,9 @@ from mrdamper.thermal.model.surfaces import (
 PATHS = ("body convection", "body radiation", "fin convection", "fin radiation", "mount")
 """Paths of heat losses, in the order in which reports list them."""
 
-LOSS_STEP_K = 2.0  # temperature step of the loss tables
-LOSS_RANGE_K = (233.15, 653.15)  # temperature range of the loss tables
-# Temperature rise at which the conductance of the fins is computed. The value has hardly any effect.
+LOSS_STEP_K = 2.0  # temperature step of the tables of heat losses
+LOSS_RANGE_K = (233.15, 653.15)  # temperature range of the tables of heat losses
+# Temperature rise at which the conductance of the fins is computed. Another rise hardly changes results.
 FIN_RISE_K = 60.0
 
 
@@ -61,10 +61,10 @@ NODE_FACTORS = NodeFactors()
 class ThermalNetwork:
     """A thermal network with n nodes and m losses. Arrays are read-only.
 
-    ``watts[j]`` is the heat loss j of the node ``loss_node[j]`` at the temperatures ``grid``. ``mechanical``
-    and ``electrical`` are the fractions of mechanical power and coil heat that each node receives. ``fluid``,
-    ``coil`` and ``wall`` are the weights of the nodes in the mean temperatures of fluid, coil and wall. The
-    sum of each of these five arrays is 1.
+    A loss is a heat flow from one node to ambient. ``watts[j]`` is the loss of node ``loss_node[j]`` at the
+    temperatures ``grid``. ``mechanical`` and ``electrical`` are the fractions of mechanical power and coil
+    heat that each node receives. ``fluid``, ``coil`` and ``wall`` are the weights of the nodes in the mean
+    temperatures of fluid, coil and wall. The sum of each of these five arrays is 1.
     """
 
     model: str  # "network" or "lumped"
@@ -77,10 +77,10 @@ class ThermalNetwork:
     coil: FloatArray  # weights in the mean coil temperature [-], shape (n,)
     wall: FloatArray  # weights in the mean wall temperature [-], shape (n,)
     ambient: float  # ambient temperature [K]
-    grid: FloatArray  # temperatures of the loss tables [K], shape (g,), uniform
-    loss_node: tuple[int, ...]  # node of each loss
+    grid: FloatArray  # equidistant temperatures of the loss tables [K], shape (g,)
+    loss_node: tuple[int, ...]  # index of the node of each loss
     loss_path: tuple[str, ...]  # path of each loss, one of PATHS
-    watts: FloatArray  # heat losses [W], shape (m, g)
+    watts: FloatArray  # heat losses at the temperatures ``grid`` [W], shape (m, g)
 
     def __post_init__(self) -> None:
         for name in (
@@ -114,8 +114,8 @@ def zone_network(drawing: DamperDrawing, factors: NodeFactors = NODE_FACTORS) ->
     """Return the thermal network of a geometry with three axial zones.
 
     Conductances are computed for annuli and discs between the centres of the nodes. For nodes with a heat
-    source (coil, fluid), the thermal resistance refers to the mean temperature of the node. The conductance
-    of a fin is chosen so that the steady heat flow agrees with the exact fin efficiency.
+    source (coil, fluid), the thermal resistance refers to the mean temperature of the node. The fins have
+    the steady-state heat flow of the exact solution (``fin_root_conductance``).
     """
     parts = _Parts(factors)
     _add_solids(parts, drawing)
@@ -205,7 +205,7 @@ def _join_radially(parts: _Parts, drawing: DamperDrawing) -> None:
     stirred, in_gap = conducts.chamber, conducts.gap
     bore, face, outer = 0.5 * body.bore, 0.5 * piston.diameter, 0.5 * body.outer_diameter
     chamber = drawing.chamber_length
-    half_wall = math.log((bore + outer) / (2.0 * bore)) / (2.0 * math.pi * steel)  # [m K/W] per unit length
+    half_wall = math.log((bore + outer) / (2.0 * bore)) / (2.0 * math.pi * steel)  # [K/W] for 1 m of length
     for zone in (0, 2):
         shaft = _rod_radius(drawing, zone)
         outwards = _from_mean(shaft, bore) / (2.0 * math.pi * stirred) + half_wall
@@ -217,7 +217,8 @@ def _join_radially(parts: _Parts, drawing: DamperDrawing) -> None:
             parts.join(f"fluid {zone}", f"core {zone}", factors.fluid_core * chamber / inwards)
             along = rod.material.conductivity * _ring(0.0, shaft) / (0.5 * chamber)
             parts.join(f"core {zone}", f"wall {zone}", along)
-    # The heat of the gap flows to both sides. The resistance of each half refers to its own mean temperature.
+    # One half of the fluid in the gap heats the wall, and one half heats the piston. The resistance of each
+    # half refers to its mean temperature.
     middle = 0.5 * (face + bore)
     half_gap = math.log(bore / middle) / (2.0 * math.pi * in_gap) / 3.0
     parts.join("fluid 1", "wall 1", factors.fluid_wall * piston.length / (half_gap + half_wall))
@@ -257,7 +258,7 @@ def _join_axially(parts: _Parts, drawing: DamperDrawing) -> None:
 
 
 class _Losses:
-    """Heat losses of a network under construction: node, path and table of each loss."""
+    """Heat losses to ambient of a network under construction."""
 
     def __init__(self, drawing: DamperDrawing) -> None:
         self.drawing = drawing
@@ -271,7 +272,7 @@ class _Losses:
         self.watts: list[FloatArray] = []
 
     def add(self, node: str, path: str, conductance: FloatArray | float) -> None:
-        """Add a heat loss that is given as conductance to ambient [W/K]; a loss of zero is omitted."""
+        """Add the heat loss of a node with a conductance to ambient [W/K], unless zero."""
         watts = np.asarray(conductance * self.excess)
         if watts.any():
             self.nodes.append(node)
@@ -337,9 +338,9 @@ def _add_fins(parts: _Parts, losses: _Losses, drawing: DamperDrawing, sink: Heat
 def fin_root_conductance(drawing: DamperDrawing, sink: HeatSink) -> float:
     """Return the conductance between the body and the node of one fin [W/K], including the contact.
 
-    The node has the mean temperature of the fin. The conductance h A eta / (1 - eta) gives the steady heat
-    flow of the exact solution (heat-transfer coefficient h, area A, efficiency eta). The conductance is
-    computed at 60 K above ambient.
+    The node has the mean temperature of the fin. The conduction in the fin is h A eta / (1 - eta) with the
+    heat-transfer coefficient h, the area A and the efficiency eta. With this conductance, the steady-state
+    heat flow agrees with the exact solution for a fin. The conductance is computed at 60 K above ambient.
     """
     diameter = drawing.body.outer_diameter
     film, efficiency = map(float, fin_efficiency(drawing, drawing.surroundings.ambient + FIN_RISE_K))
@@ -357,7 +358,7 @@ def _ring(inner: float, outer: float) -> float:
 
 
 def _rod_radius(drawing: DamperDrawing, zone: int) -> float:
-    """Return the rod radius in a zone [m]; zero in zone 2 if the rod does not pass through the damper."""
+    """Return the rod radius in a zone [m]; zero if the zone contains no rod."""
     return 0.5 * drawing.rod.diameter if zone != 2 or drawing.rod.through else 0.0
 
 
@@ -368,7 +369,7 @@ def _zone_edges(drawing: DamperDrawing) -> tuple[float, float, float, float]:
 
 
 def _covered(sink: HeatSink, body_length: float, low: float, high: float) -> tuple[float, float]:
-    """Return two lengths of a body segment [m]: the part under the heat sink, and the gaps between fins."""
+    """Return length under the heat sink and length of its gaps, from ``low`` to ``high`` [m]."""
     centres, half = sink.centres(body_length), 0.5 * sink.thickness
 
     def overlap(start: FloatArray, stop: FloatArray) -> float:
@@ -379,35 +380,36 @@ def _covered(sink: HeatSink, body_length: float, low: float, high: float) -> tup
 
 
 def _fins_on(sink: HeatSink, body_length: float, low: float, high: float) -> float:
-    """Return the number of fins on a segment of the body; a fin at its end is counted as a fraction."""
+    """Return the number of fins between two axial positions, with fractions of fins."""
     centres, half = sink.centres(body_length), 0.5 * sink.thickness
     shares = np.minimum(centres + half, high) - np.maximum(centres - half, low)
     return float(np.maximum(shares, 0.0).sum() / sink.thickness)
 
 
 def _from_mean(inner: float, outer: float) -> float:
-    """Return 2 pi k L times the thermal resistance from the mean of an annulus to its outer surface.
+    """Return 2 pi k L R for an annulus of conductivity k and length L.
 
-    The heat source in the annulus is uniform, and the inner surface is insulated. The result for a full
-    cylinder is 1/4.
+    The annulus has a uniform heat source and an insulated inner surface. R is the temperature difference
+    between the mean and the outer surface, divided by the heat flow. The result for a cylinder is 1/4.
     """
     if inner == 0.0:
         return 0.25
     area = outer**2 - inner**2
     ratio = math.log(outer / inner)
-    # This is the mean of (r2^2 - r^2)/4 - r1^2/2 ln(r2/r) for a unit ratio of source and conductivity.
+    # ``mean`` is the mean of (r2^2 - r^2)/4 - r1^2/2 ln(r2/r), the temperature for heat source / k = 1.
     mean = (area**2 / 16.0 - 0.25 * inner**2 * (0.5 * area - inner**2 * ratio)) * 2.0 / area
     return 2.0 * mean / area
 
 
 def _to_inner_from_mean(inner: float, outer: float) -> float:
-    """Return 2 pi k L times the thermal resistance from the mean of an annulus to its inner surface.
+    """Return 2 pi k L R for an annulus of conductivity k and length L.
 
-    The heat source in the annulus is uniform, and the outer surface is insulated.
+    The annulus has a uniform heat source and an insulated outer surface. R is the temperature difference
+    between the mean and the inner surface, divided by the heat flow.
     """
     area = outer**2 - inner**2
     ratio = math.log(outer / inner)
-    # This is the mean of r2^2/2 ln(r/r1) - (r^2 - r1^2)/4.
+    # ``mean`` is the mean of r2^2/2 ln(r/r1) - (r^2 - r1^2)/4, the temperature for heat source / k = 1.
     logs = 0.5 * (outer**2 * ratio - 0.5 * area)
     mean = (0.5 * outer**2 * logs - area**2 / 16.0) * 2.0 / area
     return 2.0 * mean / area

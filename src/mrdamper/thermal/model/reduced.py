@@ -1,10 +1,10 @@
-"""Reduced-order finite-element models with about twenty unknowns, by projection onto a rational Krylov space.
+"""Reduced-order models with about twenty unknowns, made from finite-element models.
 
-The space contains the uniform field, so that heat is conserved. It also contains responses of the linearised
-problem, which are solutions x of (K + H + s M) x = b for a few frequencies s. K is the conduction, H the heat
-transfer at the surface and M the mass. The loads b are mechanical power, coil heat, and the heat at each kind
-of surface. Convection and radiation are not reduced. They are evaluated at the surface points with the
-temperature of the reduced field, as in the full model.
+The heat equation is projected onto a rational Krylov space of temperature fields. One of these fields is
+uniform, so that heat is conserved. The other fields are responses of the linearised heat equation: solutions
+x of (K + H + s M) x = b for a few frequencies s. K is the conduction matrix, H the matrix of heat transfer at
+the surface, and M the mass matrix. The load b is mechanical power, coil heat, or heat supplied to one kind of
+surface. The nonlinear convection and radiation remain: they are evaluated at all points of the surface.
 """
 
 from __future__ import annotations
@@ -31,13 +31,10 @@ REDUCED_ORDER = 22
 """Default number of unknowns."""
 
 BASIS_RISE_K = 60.0  # temperature rise above ambient at which the heat transfer H is linearised
-_SHIFTS = (0.0, 3e-3, 3e-2, 0.2, 2.0)  # frequencies s for the two heat sources [1/s]
-_SURFACE_SHIFTS = (0.0, 3e-3)  # frequencies s for the surfaces [1/s]
-_MECHANICAL_W, _COIL_W, _SURFACE_K = (
-    100.0,
-    20.0,
-    20.0,
-)  # weights of the responses to mechanical power, coil heat and surfaces
+_SHIFTS = (0.0, 3e-3, 3e-2, 0.2, 2.0)  # frequencies of the responses to power and coil heat [1/s]
+_SURFACE_SHIFTS = (0.0, 3e-3)  # frequencies of the responses to heat supplied to surfaces [1/s]
+# Weights of the responses to mechanical power [W], coil heat [W], and heat at the surfaces [K].
+_MECHANICAL_W, _COIL_W, _SURFACE_K = 100.0, 20.0, 20.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,7 +66,8 @@ def reduce_field(
     Parameters
     ----------
     order : maximum number of unknowns
-    elsewhere : cooling in further surroundings for which the model must be valid; extremes are sufficient
+    elsewhere : cooling in further surroundings for which the model must be valid; the lowest and the highest
+        ambient temperature and air speed are sufficient
     """
     if order < 3:
         raise InputError(place="reduced model", found=f"order is {order}", expected="3 or more")
@@ -122,10 +120,10 @@ def _responses(equation: HeatEquation, kinds: IntArray) -> FloatArray:
 def _space(equation: HeatEquation, fields: FloatArray, order: int) -> FloatArray:
     """Return a mass-orthonormal basis of the responses, shape (nodes, at most ``order``).
 
-    The first column is the uniform field. The remaining columns are the dominant principal components.
+    The first column is a uniform temperature. The remaining columns are the dominant principal components.
     """
     basis = [equation.uniform / np.sqrt(equation.uniform @ (equation.mass @ equation.uniform))]
-    for _ in range(2):  # The second pass removes rounding errors.
+    for _ in range(2):  # The second orthogonalisation removes the rounding errors of the first.
         fields = fields - np.outer(basis[0], basis[0] @ (equation.mass @ fields))
     values, vectors = np.linalg.eigh(fields.T @ (equation.mass @ fields))
     keep = np.argsort(values)[::-1][: order - 1]

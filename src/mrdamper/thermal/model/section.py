@@ -1,8 +1,7 @@
-"""The meridian section of a damper: rectangles of material, and outer edges with heat losses.
+"""The meridian section of a damper: rectangles of material, and edges that lose heat.
 
-The section defines the heat conduction problem for the finite elements and for other programs
-(``cross_check``), without a mesh. ``section_of`` creates a section from a geometry. Tests create their own
-sections.
+The section defines the heat conduction problem without a mesh, for the finite elements of the package and for
+other programs in ``cross_check``. ``section_of`` creates a section from a geometry.
 
 In this model, the rod ends at the caps. Its ends lose heat only if the geometry file has a conductance to the
 mounting of the rod. The moving fluid is modelled as a solid with effective conductivity. Its radial
@@ -28,7 +27,7 @@ from mrdamper.thermal.model.surfaces import body_film, cap_area, fin_films
 
 Role = Literal["core", "coil", "gap", "chamber", "wall", "fins"]
 
-_CONTACT_LAYER = 0.5e-3  # max thickness of the layer at a fin root that has the contact resistance [m]
+_CONTACT_LAYER = 0.5e-3  # max thickness of the layer at a fin root that models a contact resistance [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +43,7 @@ class Region:
 
     @property
     def part(self) -> str:
-        """Return the name of the part whose mean temperature determines the heat capacity of the region."""
+        """Return the part (body, fluid, ...) whose mean temperature sets the heat capacity."""
         return {"gap": "fluid", "chamber": "fluid", "fins": "fins"}.get(self.role, self.name)
 
 
@@ -52,7 +51,7 @@ class Region:
 class Block:
     """A rectangle of the section with the material of a region. Blocks do not overlap."""
 
-    region: int  # index of the region
+    region: int  # index in ``Section.regions``
     inner: float  # inner radius [m]
     outer: float  # outer radius [m]
     low: float  # axial position of the lower end [m]
@@ -69,18 +68,18 @@ class Surface:
     """A kind of outer surface and its cooling by convection, radiation and mounting."""
 
     name: str
-    law: int  # row of ``Section.films`` with the convective coefficients
+    law: int  # row of ``Section.films`` with the convective coefficients of the surface
     emissivity: float
     mount: float  # conductance to the mountings divided by area [W/(m^2 K)]
-    convection_path: str  # name of the path, one of network.PATHS
-    radiation_path: str  # name of the path, one of network.PATHS
+    convection_path: str  # Heat loss by convection is reported under this entry of network.PATHS.
+    radiation_path: str  # Heat loss by radiation is reported under this entry of network.PATHS.
 
 
 @dataclass(frozen=True, slots=True)
 class Edge:
     """A straight part of the outline along r or z that loses heat. The remaining outline is insulated."""
 
-    surface: int  # index of the surface
+    surface: int  # index in ``Section.surfaces``
     inner: float  # inner radius [m]
     outer: float  # outer radius [m]; equal to ``inner`` for an edge along z
     low: float  # axial position of the lower end [m]
@@ -96,7 +95,7 @@ class Edge:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Section:
-    """Regions, blocks, surfaces and edges. ``films`` are convective coefficients versus temperature.
+    """Geometry, materials and cooling of a meridian section.
 
     Mechanical power is distributed uniformly in the regions with the role ``gap``, and coil heat in the
     regions with the role ``coil``. The fluid temperature is the mean over ``gap`` and ``chamber``.
@@ -107,9 +106,9 @@ class Section:
     surfaces: tuple[Surface, ...]
     edges: tuple[Edge, ...]
     ambient: float  # ambient temperature [K]
-    grid: FloatArray  # surface temperatures [K], shape (g,), uniform
-    films: FloatArray  # convective coefficients at these temperatures [W/(m^2 K)], shape (laws, g)
-    seals: tuple[Block, ...] = ()  # lines (blocks of zero width) at the rod seals
+    grid: FloatArray  # equidistant surface temperatures [K], shape (g,)
+    films: FloatArray  # convective coefficients at the temperatures ``grid`` [W/(m^2 K)], shape (rows, g)
+    seals: tuple[Block, ...] = ()  # positions of the rod seals on the rod surface, as blocks of zero width
     drawing: DamperDrawing | None = None  # geometry of the section; None in tests
 
     def __post_init__(self) -> None:
@@ -127,7 +126,7 @@ class Section:
 
 
 def section_of(drawing: DamperDrawing) -> Section:
-    """Return the section of a geometry, with the calibrated heat-transfer coefficients of ``surfaces``."""
+    """Return the meridian section of a geometry. Its ``films`` include the calibration."""
     regions, blocks = _insides(drawing)
     around, sink = drawing.surroundings, drawing.sink
     grid = loss_grid(around.ambient)
@@ -213,7 +212,10 @@ def _insides(drawing: DamperDrawing) -> tuple[list[Region], list[Block]]:
 
 
 def _caps(drawing: DamperDrawing, surfaces: list[Surface]) -> list[Edge]:
-    """Add one surface for each cap, with half of the mount conductance; return the edges of the caps."""
+    """Add one surface for each cap, and return the edges of the caps.
+
+    Each cap has one half of the conductance from the body to its mountings.
+    """
     around, rod = drawing.surroundings, drawing.rod
     edges = []
     for name, at, shaft in (("near cap", 0.0, True), ("far cap", drawing.body.length, rod.through)):

@@ -1,9 +1,9 @@
 """Time integration of all thermal models: loads, Rosenbrock step, growing steps, energy balance.
 
-A model is a ``System`` M dy/dt = f(y). Its state y contains temperatures, then the heat of each loss and of
-the two sources (mechanical power, coil heat), integrated since the start. A time step conserves linear
-invariants, such as "heat stored + energy out - energy in". Therefore the energy balance has only rounding
-errors.
+A model is a ``System`` M dy/dt = f(y). Its state y contains temperatures, then the heat flows of all losses
+and of the two sources (mechanical power, coil heat), integrated since the start. A time step conserves every
+linear combination of states that is constant in the exact solution. "Heat stored + energy out - energy in" is
+such a combination. Therefore the energy balance has only rounding errors.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Load:
 
 
 def loads_until(loads: Sequence[Load], time_s: float) -> list[Load]:
-    """Return the loads from the start to a time [s]; the last load is shortened, and time 0 gives no load."""
+    """Return the loads before a time [s]; the last load is shortened."""
     kept, left = [], time_s
     for load in loads:
         if left <= TIME_TOLERANCE_S:
@@ -121,7 +121,7 @@ class Solution(NamedTuple):
     temperature: FloatArray  # first n unknowns of the system, shape (k, n)
     flow: FloatArray  # losses, then the two heat sources [W], shape (k, m)
     energy: FloatArray  # losses and heat sources, integrated since the start [J], shape (k, m)
-    stopped: bool  # True if the fluid reached the temperature at which the integration ends
+    stopped: bool  # True if the integration stopped because the fluid reached a given temperature
 
 
 def integrate(
@@ -139,7 +139,7 @@ def integrate(
     ----------
     start : initial values of the first n unknowns, shape (n,)
     first_step, longest_step : after each change of load, steps grow from the first to the second value [s]
-    stop_at : mean fluid temperature at which the integration ends [K]
+    stop_at : mean fluid temperature at which the integration stops [K]
     """
     system.take(loads[0])
     n = system.nodes
@@ -227,7 +227,10 @@ class EnergyAccount(ABC):
 
     @property
     def energy_J(self) -> Mapping[str, float]:
-        """Return the energies of the whole simulation: mechanical, coil, out, stored, and each loss path."""
+        """Return the energies of the whole simulation by name.
+
+        The names are ``mechanical`` and ``coil`` (supplied), ``out`` (all losses), ``stored`` and loss paths.
+        """
         last = self.energy[-1]
         found = {
             "mechanical": float(last[-2]),

@@ -40,7 +40,7 @@ from mrdamper.thermal.films.correlations import (
 )
 from mrdamper.thermal.heatsink import HeatSink
 
-GAP_RATIO_MAX = 0.6  # max gap / outer diameter of the fins; wider gaps have no further effect in still air
+GAP_RATIO_MAX = 0.6  # max gap / outer diameter of fins in still air; a wider gap is replaced by this gap
 FORCED_POINT_COUNT_MAX = 12  # number of temperatures at which forced convection is computed
 
 
@@ -92,21 +92,22 @@ class FinFilms:
     floor: FloatArray  # body between the fins
 
     def mean(self, sink: HeatSink, body_diameter: float) -> FloatArray:
-        """Return the area mean of the coefficients over sides and rim of a fin [W/(m^2 K)]."""
+        """Return the mean coefficient of sides and rim, weighted by area [W/(m^2 K)]."""
         tip = sink.tip_radius(body_diameter)
         sides, rim = 2.0 * (tip**2 - 0.25 * body_diameter**2), 2.0 * tip * sink.thickness
         return np.asarray((sides * self.sides + rim * self.rim) / (sides + rim))
 
 
 def fin_film(drawing: DamperDrawing, surface_K: ArrayLike) -> FloatArray:
-    """Return the area mean of the convective coefficient of a fin [W/(m^2 K)]; see ``fin_films``."""
+    """Return the mean convective coefficient of a fin [W/(m^2 K)], see ``fin_films``."""
     return fin_films(drawing, surface_K).mean(_sink(drawing), drawing.body.outer_diameter)
 
 
 def fin_efficiency(drawing: DamperDrawing, root_K: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return the heat-transfer coefficient of a fin with radiation [W/(m^2 K)], and the fin efficiency [-].
+    """Return the mean heat-transfer coefficient of a fin and the fin efficiency.
 
-    The two results are computed at the temperature of the fin root [K], any shape.
+    The coefficient [W/(m^2 K)] contains convection and radiation. Coefficient and efficiency are computed at
+    the temperature of the fin root [K], any shape.
     """
     sink, diameter = _sink(drawing), drawing.body.outer_diameter
     emissivity, _ = fin_radiation(drawing)
@@ -120,7 +121,8 @@ def fin_films(drawing: DamperDrawing, surface_K: ArrayLike) -> FinFilms:
 
     In still air, the correlation depends on the orientation of the body: annular fins if it is horizontal,
     single discs if it is vertical. With air across the axis, the correlation describes a developing
-    flow between two discs. The outer sides of the first and last fin have the coefficient of a gap.
+    flow between two discs. The outer sides of the first and the last fin have the same coefficient as sides
+    between two fins.
 
     Parameters
     ----------
@@ -147,11 +149,13 @@ def _natural_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLik
     gap = _gap(drawing, sink, tip)
     air, difference = _air(drawing, surface_K)
     if drawing.body.orientation == "vertical":
-        length = (tip**2 - 0.25 * diameter**2) / (2.0 * tip)  # area of a side divided by its outer perimeter
+        # The characteristic length of a disc is the area of a side divided by its outer perimeter.
+        length = (tip**2 - 0.25 * diameter**2) / (2.0 * tip)
         film = nusselt_fin_disc(air.rayleigh(length, difference)) * air.conductivity / length
         return [film] * 3
     outer = 2.0 * tip
-    # Fins with a wider gap behave like single fins. The correlation would still decrease slowly with the gap.
+    # Fins with a wider gap behave like single fins. The gap is limited because the coefficient of the
+    # correlation would still decrease slowly.
     gap = min(gap, GAP_RATIO_MAX * outer)
     sides = nusselt_annular_fins(air.rayleigh(gap, difference) * gap / outer, outer / diameter)
     around = nusselt_horizontal_cylinder(air.rayleigh(outer, difference), air.prandtl) / outer
@@ -174,16 +178,20 @@ def _forced_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLike
 
 
 def _gap(drawing: DamperDrawing, sink: HeatSink, tip: float) -> float:
-    """Return the gap between fins reduced by tolerance and fouling [m]; for one fin, the outer diameter."""
+    """Return the gap between fins minus tolerance and fouling [m].
+
+    A single fin has no gap. Its outer diameter is used instead.
+    """
     return sink.gap - drawing.manufacture.closing if sink.fins > 1 else 2.0 * tip
 
 
 def _over_temperature(
     films: Callable[[FloatArray], list[FloatArray]], surface_K: ArrayLike
 ) -> list[FloatArray]:
-    """Return heat-transfer coefficients at all temperatures, interpolated between a few computed ones.
+    """Return heat-transfer coefficients at many temperatures by Chebyshev interpolation.
 
-    The error of the Chebyshev interpolation is below 1e-6 because forced convection is smooth in temperature.
+    The function ``films`` computes the coefficients at 12 temperatures. The relative error of the
+    interpolation is below 1e-6 because forced convection is smooth in temperature.
     """
     kelvin = np.asarray(surface_K, dtype=np.float64)
     if kelvin.size <= FORCED_POINT_COUNT_MAX:
@@ -200,7 +208,7 @@ def _over_temperature(
 
 
 def fin_uncertainty(drawing: DamperDrawing) -> float:
-    """Return the relative half width of the 90 % interval of the mean coefficient of a fin [-]."""
+    """Return the half width of the 90 % interval of ``fin_film``, divided by ``fin_film``."""
     sink, diameter = _sink(drawing), drawing.body.outer_diameter
     tip, speed = sink.tip_radius(diameter), drawing.surroundings.air_speed
     share = sink.thickness * tip / (tip**2 - 0.25 * diameter**2 + sink.thickness * tip)
@@ -209,11 +217,11 @@ def fin_uncertainty(drawing: DamperDrawing) -> float:
 
 
 def fin_radiation(drawing: DamperDrawing) -> tuple[float, float]:
-    """Return the effective mean emissivities of a fin and of the body between two fins [-].
+    """Return the effective emissivities of a fin and of the body between two fins [-].
 
-    A groove is the space between two fins. The radiation through its opening is distributed uniformly over
-    its walls. The two outer sides and the tips radiate directly to the surroundings. The mean refers to the
-    area ``HeatSink.fin_area``.
+    The space between two fins loses heat only through its opening. This heat is attributed uniformly to the
+    sides of the fins and to the body between the fins. The outer sides of the first and the last fin, and all
+    tips, radiate directly to the surroundings. The emissivity of a fin refers to ``HeatSink.fin_area``.
     """
     sink = _sink(drawing)
     diameter, tip = drawing.body.outer_diameter, sink.tip_radius(drawing.body.outer_diameter)
@@ -251,7 +259,7 @@ def name_correlations(drawing: DamperDrawing) -> Mapping[str, str]:
 
 @contextmanager
 def _locate_errors(drawing: DamperDrawing, surface: str) -> Iterator[None]:
-    """Add geometry and surface to the message if a value is outside the range of a correlation."""
+    """Add names of geometry and surface to an EnvelopeError of a correlation."""
     try:
         yield
     except EnvelopeError as fault:

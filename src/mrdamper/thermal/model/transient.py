@@ -35,7 +35,7 @@ class Heating(EnergyAccount):
     temperature: FloatArray  # temperature of each node [K], shape (k, n)
     flow: FloatArray  # losses and heat sources [W], shape (k, m + 2)
     energy: FloatArray  # losses and heat sources, integrated since the start [J], shape (k, m + 2)
-    stopped: bool  # True if the fluid reached the temperature at which the simulation ends
+    stopped: bool  # True if the simulation stopped because the fluid reached a given temperature
 
     @property
     def fluid(self) -> FloatArray:
@@ -83,14 +83,14 @@ def simulate_network(
 
     Parameters
     ----------
-    start : temperature at the start [K], one number or one value per node; None: ambient
-    longest_step : maximum step [s]; steps grow from 1 s, or from this value if it is smaller
-    stop_at : mean fluid temperature at which the simulation ends [K]
+    start : initial temperature of all nodes, or of each node [K]; None: ambient temperature
+    longest_step : maximum time step [s]; steps grow from 1 s to this value
+    stop_at : mean fluid temperature at which the simulation stops [K]
 
     Raises
     ------
     EnvelopeError
-        If a node leaves the temperature range of the losses.
+        If the temperature of a node is outside the tables of heat losses.
     """
     state = np.empty(len(network.names))
     state[:] = network.ambient if start is None else start
@@ -109,8 +109,8 @@ class NetworkSystem:
         self.network, self.nodes = network, len(network.names)
         n, losses = self.nodes, len(network.loss_node)
         self.columns = losses + 2
-        # ``_seen`` maps node temperatures to the temperature of each loss or source. ``into`` distributes the
-        # heat of each loss or source to the nodes.
+        # ``_seen`` times the node temperatures is the temperature on which each loss or source depends.
+        # ``into`` times the losses and sources is the heat flow into each node.
         self._seen = np.zeros((self.columns, n))
         self._seen[range(losses), network.loss_node] = 1.0
         self._seen[-2], self._seen[-1] = network.fluid, network.coil
@@ -138,7 +138,10 @@ class NetworkSystem:
         self._cubics[:, 3, -1] = load.coil_W * (1.0 + COPPER_PER_K * (knots - REFERENCE_K))
 
     def _look_up(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the cubic polynomials of losses and sources, shape (m + 2, 4), and their arguments [K]."""
+        """Return coefficients and arguments of the cubic polynomials of losses and sources.
+
+        The coefficients have the shape (m + 2, 4). An argument is the temperature above a grid point [K].
+        """
         at = (nodes @ self._seen.T - self._low) / self._width
         place = at.astype(np.intp)
         if not (at.min() >= 0.0 and at.max() < len(self._cubics)):
@@ -150,7 +153,7 @@ class NetworkSystem:
         worst = int(np.argmax(np.where(np.isfinite(seen), np.abs(seen - self.network.ambient), np.inf)))
         low, high = self.network.grid[0] - ZERO_CELSIUS_K, self.network.grid[-1] - ZERO_CELSIUS_K
         at = to_degC(seen[worst])
-        # A time step can overshoot to an impossible temperature if the power is far too large.
+        # A temperature far outside the table results from a time step with much too large power.
         swung = not 2.0 * low - high < at < 2.0 * high - low or at < low < to_degC(self.network.ambient)
         runaway = "temperatures run away: the power is far above the losses of this damper"
         raise EnvelopeError(
@@ -178,7 +181,10 @@ class NetworkSystem:
         return rate
 
     def linearise(self, state: FloatArray, shrunk: float) -> tuple[FloatArray, Solver]:
-        """Return the time derivative at a state, and the solver of (1 - shrunk J) x = b."""
+        """Return the time derivative at a state, and the solver of (1 - ``shrunk`` J) x = b.
+
+        ``shrunk`` is gamma times the time step [s], as in ``stepping.System``. J is the Jacobian.
+        """
         n = self.nodes
         rate, slope, jacobian = self._expand(state[:n])
         factors, pivots, _ = dgetrf(self._unit - shrunk * jacobian, overwrite_a=True)
@@ -196,9 +202,10 @@ class NetworkSystem:
         return rate[: self.nodes], jacobian
 
     def _expand(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the time derivative of the state, the slopes of losses and sources [W/K], and the Jacobian.
+        """Return time derivative of the state, slopes of heat flows, and Jacobian.
 
-        The Jacobian [1/s] is the derivative of dT/dt with respect to the node temperatures.
+        A slope [W/K] is the derivative of a loss or source with respect to its temperature. The Jacobian
+        [1/s] is the derivative of dT/dt with respect to the node temperatures.
         """
         cubics, offset = self._look_up(nodes)
         slope = _slope(cubics, offset)
