@@ -1,4 +1,7 @@
-"""The outputs of a job's result: JSON, terminal, page and files. Each report module builds one ``Report``."""
+"""Outputs of a command: JSON object, terminal output, HTML page and further files.
+
+Each module of the package ``report`` declares the outputs of one command as a ``Report``.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +22,12 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 Rows = Sequence[Mapping[str, object]]
-NOTE_COUNT_MAX = 3  # A terminal with more notes would hide the values of the result.
+NOTE_COUNT_MAX = 3  # More notes on the terminal would move the values of the result out of sight.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """End of a job: the exit code of its command, and messages for standard error."""
+    """Exit code of a command, and messages for standard error."""
 
     exit_code: int = 0
     messages: tuple[str, ...] = ()
@@ -64,11 +67,11 @@ class WrittenFile(Generic[Result]):
     Attributes
     ----------
     name : name of the file; if empty, ``write`` receives the folder
-    key : key in the answer under which the path is returned; if empty, the answer omits the path
-    write : writes the file; if None, the answer is written as JSON
-    write_in : replaces ``write`` if the function needs the final path
+    key : key of the path in the JSON object of the command; if empty, the JSON object omits the path
+    write : function that writes the file; if None, the file contains the JSON object of the command
+    write_in : function that replaces ``write`` if the final path is needed, too
     when : returns False if a result has no such file
-    folder : name of a folder in ``Report.beside``; if empty, the file is in the folder that the user names
+    folder : key of a further folder in ``Report.beside``; if empty, the file is in the user's folder
     output : option that sets the path of the file, such as ``write_map``; if empty, there is no such option
     """
 
@@ -90,7 +93,7 @@ class WrittenFile(Generic[Result]):
 
 
 def wrote_sentence(_: object, answer: Json) -> list[str]:
-    """Return a sentence with the paths of written reports, geometry files and channel maps."""
+    """Return the line "Wrote ..." with the paths of reports, geometry files and channel maps."""
     paths = [
         answer[key] for key in ("report", "file", "drawing", "channel_map") if answer.get(key) is not None
     ]
@@ -99,20 +102,23 @@ def wrote_sentence(_: object, answer: Json) -> list[str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report(Generic[Result]):
-    """Declaration of all outputs of a job: answer, terminal output, page and files.
+    """Declaration of all outputs of a command: JSON object, terminal output, page and files.
+
+    The user's folder is the folder that the user names, for example by ``--out``. The *answer* is the JSON
+    object. The functions receive the result of the command.
 
     Attributes
     ----------
-    fields : returns the values of the answer (the JSON object) by key; the keys are documented
+    fields : returns the values of the answer by key; the keys are documented
     show : prints the result to a terminal, the most important values first
     closing : returns the last lines on a terminal; the first line names the written files
-    summary : returns a few lines with the main values; if None, they are taken from the page's first screen
-    page : the HTML page, with the first screen that every report has; None if there is no page
-    files : further files in the folder that the user names; either all of them are written or none
-    beside : further folders by name; a function computes each path from the folder that the user names
-    in_folder : returns further keys of the answer that depend on the folder that the user names
-    lists_files : True if the answer's ``files`` names all written files
-    curves : returns further keys of the answer for the plots of a web page
+    summary : returns a few lines with the main values; None: the values at the top of the page
+    page : the HTML page; None if there is no page
+    files : further files in the user's folder; either all of them are written or none
+    beside : further folders by name; a function computes each path from the user's folder
+    in_folder : returns further keys of the answer that depend on the user's folder
+    lists_files : True if the answer lists all written files under the key ``files``
+    curves : returns data for the plots of the browser interface
     rows : returns the result as a table, with one mapping for each row; None if the result has no rows
     outcome : returns exit code and messages
     """
@@ -147,7 +153,7 @@ class Report(Generic[Result]):
         return () if self.page is None else self.page.first(result).lines
 
     def for_page(self, result: Result) -> Json:
-        """Return the data that only a web page needs: curves, first screen and tables."""
+        """Return the data that only the browser interface needs: curves and page content."""
         shown = {} if self.page is None else {"shown": self.page.web_json(result)}
         return {**json_value(self.curves(result)), **shown}
 
@@ -167,9 +173,9 @@ def write_report(
 
     Parameters
     ----------
-    places : folders and outputs by name; the empty name is the folder that the user named. A file without a
-        place is not written.
-    head : first keys of the answer
+    places : paths of the user's folder (empty name), of further folders (``Report.beside``), and of files
+        with an own option. Other files are not written.
+    head : entries before the other entries of the answer
     """
     found = ((file, file.where(result, places)) for file in report.output_files)
     files = [(file, place) for file, place in found if place is not None]

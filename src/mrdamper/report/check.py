@@ -1,4 +1,7 @@
-"""Result of ``check`` as JSON, terminal output, page and CSV file of the findings."""
+"""Output of the command ``check``: JSON, terminal, page, and CSV file of the findings.
+
+A finding is a fault, a warning or a remark about measured data.
+"""
 
 from __future__ import annotations
 
@@ -62,9 +65,7 @@ def _first(result: CheckResult) -> FirstScreen:
 
 
 def _figure(result: CheckResult) -> Figure | None:
-    """Return force versus displacement of the runs with the worst findings; None if no run can be plotted."""
-    # A figure with more panels is hard to read.
-    panel_count_max = 8
+    panel_count_max = 8  # A figure with more panels is hard to read.
     drawable = [run for run in result.runs if np.isfinite(run.samples_drawn).all(axis=1).any()]
     if not drawable:
         return None
@@ -109,7 +110,7 @@ def findings_table(findings: Sequence[Finding], *, of_runs: bool = False) -> Tab
 
     Parameters
     ----------
-    of_runs : True if the findings belong to several runs, which the table then names
+    of_runs : True if the findings belong to several runs; then the table has a column with the run
     """
     run: list[Column[Finding]] = [Column("run", "run", names_run=True)] if of_runs else []
     return Table(
@@ -127,7 +128,6 @@ def findings_table(findings: Sequence[Finding], *, of_runs: bool = False) -> Tab
 
 
 def _where(finding: Finding) -> str:
-    """Return the channel and the time interval of a finding."""
     if finding.from_s is None:
         return finding.channel
     end = "" if finding.to_s in {None, finding.from_s} else f" to {finding.to_s:.6g}"
@@ -177,13 +177,11 @@ def _fields(result: CheckResult) -> dict[str, object]:
 
 
 def _rows(result: CheckResult) -> list[dict[str, object]]:
-    """Return one table row for each finding."""
     rows = [finding.to_dict() for finding in result.findings]
     return [{name: row[name] for name in _COLUMNS} for row in rows]
 
 
 def _show(result: CheckResult, console: Console) -> None:
-    """Print the verdict, the findings, open questions, and the file formats."""
     format_count_max = 2
     verdict, counts = _verdict(result)
     if result.runs:
@@ -199,7 +197,7 @@ def _show(result: CheckResult, console: Console) -> None:
 
 
 def _show_questions(result: CheckResult, console: Console) -> None:
-    """Print values that were read from names of files and folders, and open questions about the files."""
+    """Print values inferred from names of files, and questions that the user should answer."""
     question_count_max = 4
     inference_count_max = 3
     inferred = [inference for file in result.files for inference in file.inferred]
@@ -214,7 +212,7 @@ def _show_questions(result: CheckResult, console: Console) -> None:
 
 
 def show_findings(findings: Sequence[Finding], console: Console) -> None:
-    """Print the worst finding of each kind, worst first, and the number of further runs with this kind."""
+    """Print the worst finding of each kind, and the number of further runs with this kind."""
     finding_count_max = 4
     kinds = by_kind(findings)
     for finding, run_count in kinds[:finding_count_max]:
@@ -226,19 +224,21 @@ def show_findings(findings: Sequence[Finding], console: Console) -> None:
 
 
 def _print_rest(count: int, name: str, console: Console) -> None:
-    """Print the number of omitted lines if lines were omitted."""
     if count > 0:
         console.print(f"The report has {count} more {name}.")
 
 
 def _verdict(result: CheckResult) -> tuple[str, str]:
-    """Return a sentence on whether the runs can be fitted, and the number of findings of each severity."""
+    """Return the verdict "The runs can(not) be fitted", and the number of findings by severity."""
     counts = ", ".join(count_of(severity, number) for severity, number in result.counts.items())
     return "The runs can be fitted" if result.usable else "The runs have faults and cannot be fitted", counts
 
 
 def _by_layout(files: Sequence[CheckedFile]) -> dict[str, str]:
-    """Group files by format and columns; return first path and number of further files of each group."""
+    """Group files by format and columns.
+
+    A key describes format and columns. A value is "<first path> and <number> more".
+    """
     paths: dict[str, list[str]] = {}
     for file in files:
         columns = ", ".join(f"{column.role} {column.name!r} in {column.unit}" for column in file.columns)
@@ -267,7 +267,7 @@ REPORT: Report[CheckResult] = Report(
         csv_file("findings.csv", lambda result: _rows(result) or [dict.fromkeys(_COLUMNS)]),
         replace(
             text_file("channels.toml", lambda result: result.channel_map.text, key="channel_map"),
-            when=lambda _: False,  # Only --write-map writes the channel map.
+            when=lambda _: False,  # The channel map is written only if the user sets --write-map.
             output="write_map",
         ),
     ),

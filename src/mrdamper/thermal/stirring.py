@@ -27,12 +27,13 @@ from dataclasses import dataclass
 
 from mrdamper.thermal.settings import SETTINGS
 
-MR_FLUID_PRANDTL = 300.0  # 0.1 Pa s, 800 J/(kg K), 0.3 W/(m K); the value has hardly any effect
+# Viscosity 0.1 Pa s, heat capacity 800 J/(kg K), conductivity 0.3 W/(m K). Results hardly depend on it.
+MR_FLUID_PRANDTL = 300.0
 
 
 @dataclass(frozen=True, slots=True)
 class Stroke:
-    """Mean stroke of the piston: amplitude and frequency of a sine; zero at rest."""
+    """Mean motion of the piston: amplitude and frequency of a sine, zero at rest."""
 
     amplitude: float  # amplitude of the sine [m]
     frequency: float  # frequency of the sine [Hz]

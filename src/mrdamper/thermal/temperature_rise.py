@@ -1,11 +1,12 @@
-"""Simulate the temperature rise of a damper in a load cycle, from its card and its geometry.
+"""Simulate the temperature rise of a damper in a load cycle.
 
-The result contains temperatures, loss of force, heat flow per path, and the energy balance. The mechanical
-power is computed from the force loops of the card at the present fluid temperature (``dissipation``). The
-coil heat increases with the coil resistance. The thermal model (``reduced``, ``network`` or ``lumped``)
-distributes mechanical power and coil heat. If the card does not depend on temperature, the force is constant
-and a note reports this. Limits apply to the hottest point of each part. The simulation ends when the mean
-fluid temperature reaches its limit, because the force is not known above the limit.
+The inputs are the damper model of a model card and the geometry of the damper. The result contains
+temperatures, loss of force, heat flows, and the energy balance. The mechanical power follows from simulated
+force loops and depends on the fluid temperature (``dissipation``). The coil heat increases with the coil
+resistance. Mechanical power and coil heat are the sources of a thermal model (``reduced``, ``network`` or
+``lumped``). If the damper model ignores temperature, the force is constant and a note reports this.
+Temperature limits apply to the hottest point of each part. The simulation stops when the mean fluid
+temperature reaches its limit, because the force is unknown at higher temperatures.
 """
 
 from __future__ import annotations
@@ -53,19 +54,18 @@ class Rise:
     mechanical_W: FloatArray  # mechanical power that heats the fluid
     coil_W: FloatArray  # heat of the coil
     paths_W: Mapping[str, FloatArray]  # heat loss of each path
-    energy_J: Mapping[str, float]  # energies of the simulation: mechanical, coil, out, stored, each path
+    energy_J: Mapping[str, float]  # energies by name: see ``EnergyAccount.energy_J``
     energy_closure: float  # largest error of the energy balance, divided by the largest energy [-]
     peak_force_N: FloatArray  # peak force of a cycle; NaN at rest
-    force_loss_percent: (
-        float | None
-    )  # loss of peak force at the end, compared with 20 degC; None: at rest, or unknown
-    hot: Mapping[Part, FloatArray]  # hottest point of gap, coil, seals [K]; a network has the mean of a node
-    limits: tuple[LimitReached, ...]  # limits of fluid, coil and seals
+    # Peak force after the load cycle is lower than at 20 degC by this percentage; None: at rest, or unknown.
+    force_loss_percent: float | None
+    hot: Mapping[Part, FloatArray]  # hottest point of gap, coil and seals [K]; in a network, mean of a node
+    limits: tuple[LimitReached, ...]  # temperature limits of fluid, coil and seals
     model: Model
     correlations: Mapping[str, str]  # names of the heat-transfer correlations by surface
     notes: tuple[str, ...]
     heating: Heating | FieldHeating  # complete result of the thermal model
-    field: ReducedModel | None  # model that converts the unknowns to a temperature field
+    field: ReducedModel | None  # ``field.field`` returns temperatures in the section; None for a network
 
     @property
     def input_J(self) -> float:
@@ -79,7 +79,10 @@ class Rise:
 
     @property
     def first_limit(self) -> LimitReached:
-        """Return the limit that is reached first; if there is none, the one with the smallest margin."""
+        """Return the limit that is reached first.
+
+        If no limit is reached, the limit with the smallest distance to the temperature is returned.
+        """
         return min(
             self.limits,
             key=lambda each: (
@@ -106,12 +109,12 @@ class Rise:
         return self.wall - ZERO_CELSIUS_K
 
     def fluid_at(self, time_s: float) -> float:
-        """Return the mean fluid temperature at a time [K], by piecewise cubic Hermite interpolation (PCHIP).
+        """Return the mean fluid temperature at a time [K], by PCHIP interpolation.
 
         Raises
         ------
         InputError
-            If the curve ends before that time.
+            If the simulation stopped before this time.
         """
         if not 0.0 <= time_s <= self.time[-1] * (1.0 + 1e-12):
             raise InputError(
@@ -137,8 +140,8 @@ def simulate_rise(
     works : mean power and peak force versus temperature (``works_of``), for each segment of the load cycle
     model : ``reduced`` (reduced-order finite-element model with 22 unknowns), ``network`` (three axial zones,
             no hot spots), ``lumped`` (Eq. (8) of the reference paper)
-    start_K : uniform temperature at the start; None: ambient
-    stop_at_limit : True: end the simulation when the mean fluid temperature reaches its limit; False:
+    start_K : uniform initial temperature; None: ambient
+    stop_at_limit : True: stop the simulation when the mean fluid temperature reaches its limit; False:
             continue, and report the limit in a note
     longest_step : maximum time step [s]
     """
@@ -191,7 +194,7 @@ def _simulator(
 ) -> tuple[ReducedModel | None, Callable[[float], Heating | FieldHeating]]:
     """Return the reduced model (None for networks), and a function that simulates the heating.
 
-    The argument of the function is the mean fluid temperature [K] at which the simulation ends.
+    The argument of the function is the mean fluid temperature [K] at which the simulation stops.
     """
     if model == "reduced":
         reduced = reduce_field(build_field(drawing))
@@ -205,7 +208,7 @@ def _simulator(
 
 
 def works_of(damper: Damper, duty: Duty) -> list[LoopWork]:
-    """Return mean power and peak force versus temperature of a damper in each segment of a load cycle.
+    """Tabulate mean power and peak force of a damper for each segment of a load cycle.
 
     Raises
     ------
@@ -278,7 +281,7 @@ def _coil_heat(drawing: DamperDrawing, unit: str, command: float) -> float:
 def _fade(
     works: Sequence[LoopWork], duty: Duty, fluid: FloatArray, time: FloatArray
 ) -> tuple[FloatArray, float | None]:
-    """Return the peak force versus time [N], and the loss of peak force at the end [%]; None if unknown."""
+    """Return the peak force versus time [N], and its final loss compared with 20 degC [%]."""
     ends = np.cumsum([segment.duration for segment in duty.segments])
     which = np.minimum(np.searchsorted(ends - 1e-9, time), len(works) - 1)
     peak = np.full(len(fluid), np.nan)
@@ -290,14 +293,14 @@ def _fade(
     if not moving.size:
         return peak, None
     last = works[which[moving[-1]]]
-    if np.ptp(last.peak) == 0.0:  # The force of the card does not depend on temperature.
+    if np.ptp(last.peak) == 0.0:  # The damper model ignores temperature.
         return peak, None
     cold = float(last.peak_at(REFERENCE_K))
     return peak, 100.0 * (1.0 - float(peak[moving[-1]]) / cold) if cold > 0.0 else None
 
 
 def notes_of(card: ModelCard | Damper, duty: Duty) -> tuple[str, ...]:
-    """Return notes about a constant force, an assumed temperature dependence, and extrapolation."""
+    """Return notes that warn of assumptions and extrapolations of the damper model."""
     damper = card.damper if isinstance(card, ModelCard) else card
     notes = []
     if not damper.temperature_dependent:
@@ -312,9 +315,10 @@ def notes_of(card: ModelCard | Damper, duty: Duty) -> tuple[str, ...]:
 
 
 def card_range_notes(card: ModelCard, duty: Duty) -> dict[str, str]:
-    """Return a sentence for each quantity of the load cycle outside the range of the runs of the card.
+    """Return sentences about the quantities for which the damper model extrapolates.
 
-    The keys are the names of the quantities.
+    The load cycle exceeds the range of the runs from which the model card was identified. The keys are the
+    names of the quantities: displacement, velocity, command.
     """
     found = {}
     paths = [segment.path for segment in duty.segments if segment.path is not None]

@@ -4,10 +4,9 @@
 heat sink on the front is both heavier and warmer than another. ``confirm`` evaluates designs with finite
 elements. Heat sinks outside the range of a correlation are excluded.
 
-The film multiplier, the emissivity and the contact resistance are taken from the heat sink in the geometry
-file. A multiplier that was calibrated for wide gaps is also used for narrow gaps. Gaps wider than twice the
-fin width are excluded because the model of the body between two fins is not valid for them. In the model, the
-body always has the heat-transfer coefficient of a finned body, even between two fins at its ends.
+All evaluated heat sinks have the emissivity, the contact resistance and the convection multiplier of the heat
+sink in the geometry file. A multiplier that was calibrated for wide gaps is also used for narrow gaps. Gaps
+wider than twice the fin width are excluded: the heat-transfer coefficient between two fins is invalid there.
 """
 
 from __future__ import annotations
@@ -89,7 +88,7 @@ class SinkLimits:
 
 @dataclass(frozen=True, slots=True)
 class SinkDesign:
-    """A heat sink (None: the bare damper), and the temperatures at the end of the load cycle."""
+    """A heat sink (None: the bare damper), and the temperatures after the load cycle."""
 
     sink: HeatSink | None
     mass: float  # mass of all fins [kg]
@@ -103,7 +102,7 @@ class SinkDesign:
 class HeatedDamper:
     """A damper and its loads, for the evaluation of heat sinks.
 
-    ``pattern`` contains the properties that all evaluated heat sinks have in common, such as the emissivity.
+    ``pattern`` is a heat sink with the properties that the search does not vary, such as the emissivity.
     """
 
     drawing: DamperDrawing
@@ -120,7 +119,7 @@ class HeatedDamper:
         return self.drawing.body.outer_diameter
 
     def evaluate(self, sink: HeatSink | None) -> SinkDesign:
-        """Return the design with a heat sink, with temperatures from the zone network.
+        """Simulate the damper with a heat sink by the zone network; return the design.
 
         Raises
         ------
@@ -159,9 +158,9 @@ def limits_of(
 ) -> SinkLimits:
     """Return the limits of a search. Lengths are in [m], the mass is in [kg].
 
-    With None, a limit is taken from the heat sink in the geometry file. If the file has no heat sink, the
-    limits are the length and the radius of the body, and the mass is not limited. The smallest gap is
-    increased by tolerance and fouling.
+    If an argument is None, its limit is the value of the heat sink in the geometry file. If the file has no
+    heat sink, span and width are limited to length and radius of the body, and the mass is not limited. The
+    smallest gap is increased by tolerance and fouling.
     """
     own, body, made = drawing.sink, drawing.body, drawing.manufacture
     gap = max(made.least_gap, DISC_GAP if body.orientation == "vertical" else 0.0) + made.closing
@@ -229,7 +228,7 @@ def search_grid(damper: HeatedDamper, limits: SinkLimits, *, on_progress: Progre
 def _grid(pattern: HeatSink, limits: SinkLimits) -> Iterator[HeatSink]:
     for material in limits.materials:
         for thickness in (ratio * limits.least_thickness for ratio in SETTINGS.fin_thickness_ratios):
-            # The pitch of a single fin has no effect.
+            # A single fin needs a valid pitch, although the pitch has no effect.
             plain = replace(
                 pattern, fins=1, thickness=thickness, pitch=thickness + limits.least_gap, material=material
             )
@@ -241,7 +240,7 @@ def _grid(pattern: HeatSink, limits: SinkLimits) -> Iterator[HeatSink]:
 
 
 def _pitches(fins: int, width: float, thickness: float, limits: SinkLimits) -> list[float]:
-    """Return the pitches of the grid [m]: rounded down so that the fins fit, at least the smallest pitch."""
+    """Return the fin pitches of the grid for a number of fins, rounded to the grid step [m]."""
     least = thickness + limits.least_gap
     if fins == 1:
         return [least]
@@ -250,7 +249,6 @@ def _pitches(fins: int, width: float, thickness: float, limits: SinkLimits) -> l
 
 
 def _on_grid(length: float) -> float:
-    """Return a length [m] rounded down to a multiple of the grid step, at least one grid step."""
     step = SETTINGS.sink_grid_m
     return max(round(math.floor(length / step + ROUNDING_RATIO) * step, 9), step)
 
@@ -265,9 +263,9 @@ def front_of(designs: Sequence[SinkDesign]) -> tuple[SinkDesign, ...]:
 
 
 def thinned(front: Sequence[SinkDesign], most: int) -> tuple[SinkDesign, ...]:
-    """Return at most ``most`` (2 or more) designs of a front, approximately equidistant in temperature.
+    """Return at most ``most`` designs of a Pareto front, with similar temperature steps.
 
-    The first and the last design are always included.
+    The first and the last design are always included. ``most`` is at least 2.
     """
     if len(front) <= most:
         return tuple(front)
@@ -278,7 +276,7 @@ def thinned(front: Sequence[SinkDesign], most: int) -> tuple[SinkDesign, ...]:
 
 
 def lightest_as_cool(front: Sequence[SinkDesign], fluid: float) -> SinkDesign | None:
-    """Return the lightest design with a fluid temperature of at most ``fluid`` [K]; None if there is none."""
+    """Return the lightest design with a fluid temperature up to ``fluid`` [K], or None."""
     return next((design for design in front if design.fluid <= fluid), None)
 
 
@@ -288,7 +286,7 @@ def lightest_as_cool(front: Sequence[SinkDesign], fluid: float) -> SinkDesign | 
 def confirm(
     damper: HeatedDamper, designs: Sequence[SinkDesign], *, on_progress: Progress = silent
 ) -> tuple[SinkDesign, ...]:
-    """Return the designs with temperatures that are recomputed by the reduced-order finite-element model."""
+    """Recompute the temperatures of designs by the reduced-order finite-element model."""
     confirmed = []
     for number, design in enumerate(designs):
         on_progress(ProgressUpdate(done=number, total=len(designs), text="finite elements"))

@@ -1,15 +1,15 @@
-"""Effect of a heat sink: efficiency of the reference paper, Eq. (10), and gain relative to another heat sink.
+"""Effect of a heat sink: heat dissipation efficiency, and gain relative to another heat sink.
 
-The equation of the "heat dissipation efficiency" is missing in the reference paper. According to the text,
-the efficiency has a maximum at a fin width of 23 mm. For three, four and five fins, the efficiency first
-rises and then falls, while the temperature always falls. Only one interpretation as a ratio reproduces these
-trends: the reduction of the temperature rise, divided by 1 + A_fins / A_damper. The search for a better heat
-sink (``design``) does not use the efficiency.
+The reference paper judges heat sinks by a "heat dissipation efficiency", but its Eq. (10) is not legible in
+the available copy. According to the text, the efficiency has a maximum at a fin width of 23 mm. With three,
+four and five fins, the efficiency first rises and then falls, while the temperature always falls. Only one
+ratio has these trends: the relative reduction of the temperature rise, divided by 1 + A_fins / A_damper. The
+search for a better heat sink (``design``) does not use the efficiency.
 
-The *gain* of a heat sink is the reduction of the fluid temperature, compared with another heat sink.
-Heat-transfer coefficients and power are changed one by one to the two ends of their 90 % intervals. Each
-change of the gain is computed with the zone network. The half widths of the interval, above and below the
-gain, are the root sums of squares of these changes.
+The *gain* of a heat sink is the reduction of the fluid temperature, compared with another heat sink. Its
+90 % interval accounts for the errors of heat-transfer coefficients and power. Each of these quantities is
+set to the lower and to the upper bound of its 90 % interval, and the zone network simulates the gain. The
+upper and the lower half width of the interval are the root sums of squares of the changes of the gain.
 """
 
 from __future__ import annotations
@@ -30,16 +30,17 @@ from mrdamper.thermal.model.transient import simulate_network
 from mrdamper.thermal.settings import SETTINGS
 from mrdamper.thermal.sinks.design import HeatedDamper
 
-PAPER_WIDTHS = (0.018, 0.023, 0.028, 0.033)  # widths in the study with three fins [m]
-PAPER_FINS = (3, 4, 5)  # numbers of fins in the study with a width of 23 mm
-PAPER_PITCH = 0.020  # pitch in both studies [m]
+# Parameter studies of the reference paper
+PAPER_WIDTHS = (0.018, 0.023, 0.028, 0.033)  # fin widths in the study of the width, with three fins [m]
+PAPER_FINS = (3, 4, 5)  # numbers of fins in the study of the number, with a width of 23 mm
+PAPER_PITCH = 0.020  # fin pitch in both parameter studies [m]
 
 EFFICIENCY_FORMULA = "(T_bare - T_fins) / (T_bare - T_ambient) / (1 + A_fins / A_damper)"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SinkEffect:
-    """Fluid temperatures at the end of a load cycle with and without a heat sink, and areas."""
+    """Fluid temperatures after a load cycle with and without a heat sink, and areas."""
 
     sink: HeatSink
     bare: float  # fluid temperature without fins [K]
@@ -73,18 +74,21 @@ class Sweep:
 
     @property
     def follows_paper(self) -> bool:
-        """Return True if the second heat sink has the maximum efficiency, as in the reference paper."""
+        """Return True if the efficiency rises to the second heat sink and then falls.
+
+        This is the trend in both parameter studies of the reference paper.
+        """
         rises = np.diff(self.efficiency) > 0.0
         return bool(rises[0] and not rises[1:].any())
 
 
 def judge_sink(drawing: DamperDrawing, sink: HeatSink, loads: Sequence[Load], *, bare: float) -> SinkEffect:
-    """Return the effect of a heat sink at the end of the loads, computed with the zone network.
+    """Simulate a damper with a heat sink by the zone network; return the effect.
 
     Parameters
     ----------
     drawing : geometry of the damper; its own heat sink is ignored
-    bare : fluid temperature at the end of the loads without a heat sink [K]
+    bare : fluid temperature after the loads without a heat sink [K]
     """
     finned = drawing.with_sink(sink)
     heating = simulate_network(zone_network(finned), loads)
@@ -100,18 +104,20 @@ def judge_sink(drawing: DamperDrawing, sink: HeatSink, loads: Sequence[Load], *,
 
 
 def body_area(drawing: DamperDrawing) -> float:
-    """Return the outer area of the damper without fins [m^2], which is the tube and the two caps."""
+    """Return the outer area of tube and caps [m^2]."""
     body = drawing.body
     caps = cap_area(drawing, with_rod=True) + cap_area(drawing, with_rod=drawing.rod.through)
     return math.pi * body.outer_diameter * body.length + caps
 
 
 def paper_sweeps(drawing: DamperDrawing, sink: HeatSink, loads: Sequence[Load]) -> tuple[Sweep, Sweep]:
-    """Return both parameter studies of the reference paper: width of three fins, number of 23 mm wide fins.
+    """Repeat the two parameter studies of the reference paper with the zone network.
+
+    The first study varies the width of three fins, the second study the number of 23 mm wide fins.
 
     Parameters
     ----------
-    sink : heat sink with the fixed properties: thickness, material, emissivity, multiplier
+    sink : heat sink whose thickness, material, emissivity and multiplier are used in both studies
 
     Raises
     ------
@@ -132,7 +138,10 @@ def paper_sweeps(drawing: DamperDrawing, sink: HeatSink, loads: Sequence[Load]) 
 
 @dataclass(frozen=True, slots=True)
 class GainBand:
-    """Gain of a heat sink and its interval. A positive gain means a cooler fluid than with the reference."""
+    """Gain of a heat sink and its 90 % interval.
+
+    A positive gain means that the fluid is cooler than with the reference heat sink.
+    """
 
     middle: float  # computed gain [K]
     low: float  # lower end of the interval [K]
@@ -145,12 +154,14 @@ class GainBand:
 
 
 def gain_band(damper: HeatedDamper, reference: HeatSink | None, best: HeatSink, gain: float) -> GainBand:
-    """Return the 90 % interval of the gain of one heat sink relative to another, from the zone network.
+    """Return the 90 % interval of the gain of a heat sink relative to a reference.
+
+    The zone network computes the half widths of the interval.
 
     Parameters
     ----------
     reference : heat sink with which ``best`` is compared; None: the bare damper
-    gain : gain [K], computed with any model, to which the half widths are added
+    gain : middle of the interval [K], which can be the result of a more accurate model
     """
     fins = 1.0 + fin_uncertainty(damper.drawing.with_sink(best))
     body = 1.0 + SETTINGS.body_film_error
