@@ -1,7 +1,4 @@
-"""Outputs of a command: JSON object, terminal output, HTML page and further files.
-
-Each module of the package ``report`` declares the outputs of one command as a ``Report``.
-"""
+"""Outputs of a command: declaration of JSON object, terminal output, page and files."""
 
 from __future__ import annotations
 
@@ -93,7 +90,7 @@ class WrittenFile(Generic[Result]):
 
 
 def wrote_sentence(_: object, answer: Json) -> list[str]:
-    """Return the line "Wrote ..." with the paths of reports, geometry files and channel maps."""
+    """Return the line "Wrote ..." with the paths of the main files."""
     paths = [
         answer[key] for key in ("report", "file", "drawing", "channel_map") if answer.get(key) is not None
     ]

@@ -1,7 +1,4 @@
-"""Output of the command ``check``: JSON, terminal, page, and CSV file of the findings.
-
-A finding is a fault, a warning or a remark about measured data.
-"""
+"""Output of the command ``check``: faults and warnings ("findings") in measured data."""
 
 from __future__ import annotations
 
@@ -229,16 +226,13 @@ def _print_rest(count: int, name: str, console: Console) -> None:
 
 
 def _verdict(result: CheckResult) -> tuple[str, str]:
-    """Return the verdict "The runs can(not) be fitted", and the number of findings by severity."""
+    """Return the verdict, and the number of findings of each severity."""
     counts = ", ".join(count_of(severity, number) for severity, number in result.counts.items())
     return "The runs can be fitted" if result.usable else "The runs have faults and cannot be fitted", counts
 
 
 def _by_layout(files: Sequence[CheckedFile]) -> dict[str, str]:
-    """Group files by format and columns.
-
-    A key describes format and columns. A value is "<first path> and <number> more".
-    """
+    """Group files by format and columns; a value names the first file and counts the others."""
     paths: dict[str, list[str]] = {}
     for file in files:
         columns = ", ".join(f"{column.role} {column.name!r} in {column.unit}" for column in file.columns)

@@ -1,4 +1,4 @@
-"""Report of ``compare``: JSON, tables, and page with the force-velocity curves of both dampers."""
+"""Output of the command ``compare``: JSON, tables, page with force-velocity curves."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _fields(comparison: Comparison) -> dict[str, object]:
 
 
 def _cases(comparison: Comparison) -> list[tuple[int, int, Json]]:
-    """Return each pair of temperature and current: the two indices, and the two values as table cells."""
+    """Return all pairs of temperature and current: two indices, and the two values by name."""
     return [
         (t, i, {"temperature_degC": in_degrees(kelvin), "command": command})
         for t, kelvin in enumerate(comparison.scope.temperatures)
@@ -84,7 +84,7 @@ def _energies(comparison: Comparison) -> list[Json]:
 
 
 def _responses(comparison: Comparison) -> list[Json]:
-    """Return the times [s] to 63 % and 90 % of the change after a current step, of current and force."""
+    """Return times [s] to 63 and 90 % of the change of current and force after current steps."""
     return [
         {"card": name, **asdict(response)}
         for name, found in zip(comparison.names, comparison.found, strict=True)

@@ -1,4 +1,4 @@
-"""Result of ``cycles`` as JSON, terminal output, page and files."""
+"""Output of the command ``cycles``, which evaluates each cycle of a long measurement."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _PANELS = (
 
 
 def _first(result: CyclesResult) -> FirstScreen:
-    flag_count_max = 2  # The first screen has space for two findings only.
+    flag_count_max = 2  # The top of the page has space for only two findings about the data.
     count = len(result.cycles)
     stroke = f"a cycle has a stroke of more than {1e3 * result.stroke_min_m:.4g} mm"
     size = result.group_size
@@ -72,7 +72,7 @@ def _tile(found: FigureSummary | None, unit: str, label: str) -> Tile:
 
 
 def _over_cycles(result: CyclesResult) -> Figure | None:
-    """Return panels of values versus cycle number: mean and range of each group of cycles."""
+    """Return a figure of energy, force, stiffness and temperature versus cycle number."""
     groups, number = result.groups, result.group_number
     drawn = []
     for names in (panel for panel in _PANELS if panel[0] in groups):
@@ -95,7 +95,7 @@ def _sections(result: CyclesResult) -> list[Section]:
 def _figures_table(
     result: CyclesResult, title: str, words: Mapping[str, str] = TITLES
 ) -> Table[tuple[str, FigureSummary]]:
-    """Return the table with the statistics of all cycle values. ``words`` has the title of each value."""
+    """Return a table of statistics, one row for each quantity of a cycle."""
     count, figures = result.group_size, result.figures
     ends = f"means of up to {count} cycles at the start and at the end" if count > 1 else "single cycles"
 
@@ -119,7 +119,7 @@ def _figures_table(
 
 
 def _change(name: str, figure: FigureSummary) -> float | None:
-    """Return the change of a value from the first to the last group of cycles [%]; None: temperature."""
+    """Return the change from the first to the last group [%]; None for temperatures."""
     return 100.0 * (figure.last / figure.first - 1.0) if figure.first and name != "temperature_degC" else None
 
 
@@ -165,7 +165,6 @@ def _write_table(result: CyclesResult, path: Path) -> None:
 
 
 def _show(result: CyclesResult, console: Console) -> None:
-    """Print the values of the cycles and the findings of the record."""
     title = f"{len(result.cycles):,} cycles in {result.rows:,} rows"
     console.print(_figures_table(result, title, words={}).printed())
     for finding in result.findings:

@@ -1,4 +1,4 @@
-"""Results of ``data list`` and ``data fetch``: the list of data sets, and the files of a fetched data set."""
+"""Output of the commands ``data list`` (public data sets) and ``data fetch`` (files)."""
 
 from __future__ import annotations
 

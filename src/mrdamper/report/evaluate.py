@@ -1,4 +1,4 @@
-"""Result of ``evaluate`` as JSON, terminal output, page and CSV file of the errors."""
+"""Output of the command ``evaluate``: JSON, terminal, page, CSV file of the errors."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _fields(result: EvaluateResult) -> dict[str, object]:
         "summary": summaries(result.errors),
         "promised": result.promised,
         "force_band": _band(result),
-        # 90 % intervals of forces and coefficients from posterior samples
+        # Posterior samples of the coefficients yield 90 % intervals of forces and coefficients.
         "posterior": {
             "probability": INTERVAL_PROBABILITY,
             "interval_width_N": median(each.width_N for each in result.forces),
@@ -61,7 +61,7 @@ def _interval_sentences(result: EvaluateResult) -> Iterator[str]:
 
 
 def _stated_errors(result: EvaluateResult) -> Iterator[str]:
-    """Generate sentences on the errors that the card states, for comparison with the errors of these runs."""
+    """Yield sentences that compare the errors of the runs with the errors in the model card."""
     for split, errors in result.promised.items():
         if errors["runs"]:
             yield (
@@ -88,7 +88,7 @@ def _new_runs(result: EvaluateResult) -> list[RunError]:
 
 
 def _band(result: EvaluateResult) -> dict[str, object] | None:
-    """Return the force band of the card, and the percentage of measured samples within the band."""
+    """Return the force band of the model card, and the percentage of samples within the band."""
     if result.band is None:
         return None
     inside = [each.in_band_percent for each in _new_runs(result) if each.in_band_percent is not None]
@@ -100,7 +100,6 @@ def _band(result: EvaluateResult) -> dict[str, object] | None:
 
 
 def _show(result: EvaluateResult, console: Console) -> None:
-    """Print the errors of the runs."""
     show_errors(result.errors, result.law, console)
     show_summaries(result.errors, console)
     for line in (*_stated_errors(result), *_interval_sentences(result)):
@@ -143,7 +142,7 @@ def _sections(result: EvaluateResult) -> list[Section]:
 
 
 def _intervals(result: EvaluateResult) -> Figure | None:
-    panel_count_max = 8  # max number of plotted runs with force intervals: the worst runs
+    panel_count_max = 8  # The figure shows force intervals of only the worst runs.
     if not result.forces:
         return None
     error = {each.name: each.nrmse_percent for each in result.errors}

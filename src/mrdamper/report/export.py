@@ -1,4 +1,4 @@
-"""Report of ``export``: answer, page, and files: C folder, FMU, force map, MATLAB folder."""
+"""Output of the command ``export``: C folder, FMU, force map, MATLAB folder, and a page."""
 
 from __future__ import annotations
 
@@ -96,14 +96,13 @@ def _thermal(target: Target, record: Verification) -> list[str]:
 
 
 def _show(found: ExportResult, console: Console) -> None:
-    """Print the summary and the notes."""
     for line in _summary(found):
         console.print(escape(line))
     print_notes(found.notes, console)
 
 
 def _closing(_: ExportResult, answer: Json) -> list[str]:
-    """Return a line with the written files, or with their number and folders if there are many."""
+    """Return a line with the paths of the written files, or only their folders."""
     files = [Path(name) for name in answer["files"]]
     if len(files) <= 3:  # A line with more paths is too long.
         return [f"Wrote {', '.join(map(str, files))}."]
@@ -112,7 +111,6 @@ def _closing(_: ExportResult, answer: Json) -> list[str]:
 
 
 def _first(found: ExportResult) -> FirstScreen:
-    """Return the first screen: result of the verification, sizes, and the card's expected error."""
     code = found.code
     return FirstScreen(
         title=f"Exported: {found.card.title or 'a card'}",

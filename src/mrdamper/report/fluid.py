@@ -1,7 +1,8 @@
-"""Result of ``fluid`` as JSON, terminal output, fluid file and figure.
+"""Output of the command ``fluid``: JSON, terminal output, fluid file, page with a figure.
 
-The figure has one row of two panels for each quantity. Measured points are grey, hollow if they were not
-fitted. The best law is thick, the others are dashed.
+A law is a formula for viscosity or yield stress. The figure has one row of two panels for each of these
+quantities. Measured points are grey, and hollow if they were excluded from the fit. The curve of the best law
+is thick. The curves of all other laws are dashed.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ def fluid_figure(viscosity: Study | None, yields: Study | None) -> Figure:
 
 
 def _over_temperature(study: Study, label: str, scale: float) -> Panel:
-    """Return a panel of the quantity versus temperature, one curve for each field strength."""
+    """Return a panel of viscosity or yield stress versus temperature, with all laws."""
     celsius = study.temperature_K - ZERO_CELSIUS_K
     grid = np.linspace(celsius.min() - 2.0, celsius.max() + 2.0, 200)
     fields = _levels(study.field_A_m[study.used])
@@ -62,7 +63,7 @@ def _over_temperature(study: Study, label: str, scale: float) -> Panel:
 
 
 def _residuals(study: Study) -> Panel:
-    """Return a panel with the deviations of measured points and of all fitted laws from the best law."""
+    """Return a panel of measured points and other fitted laws, relative to the best law [%]."""
     celsius, best = study.temperature_K - ZERO_CELSIUS_K, study.best.value(study.temperature_K)
     lines = [_points(celsius, 100.0 * (study.value / best - 1.0), study)]
     for fit, colour in zip(study.fits[1:], SERIES[1:], strict=False):
@@ -92,7 +93,7 @@ def _points(x: FloatArray, y: FloatArray, study: Study) -> Line:
 
 
 def _levels(values: FloatArray) -> Sequence[float]:
-    """Return at most six different field strengths or temperatures, rounded to three digits."""
+    """Return at most six of the different values, rounded to three digits."""
     return pick_evenly(sorted({float(f"{value:.3g}") for value in values.tolist()}), 6)
 
 
@@ -144,7 +145,7 @@ def _fall(quantity: str, fit: LawFit) -> str:
 
 
 def _rows(result: FluidResult) -> list[dict[str, object]]:
-    """Return one table row for each parameter of each law. The best law of each quantity is first."""
+    """Return one table row for each parameter of each fitted law, the best laws first."""
     return [
         {
             "quantity": quantity,

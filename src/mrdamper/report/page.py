@@ -101,7 +101,7 @@ class Page(Generic[Result]):
 
     def render(self, result: Result) -> str:
         """Return the HTML text of the page."""
-        from mrdamper.report.figures.style import svg_drawn_by  # imports Matplotlib
+        from mrdamper.report.figures.style import svg_drawn_by  # Matplotlib is loaded only if needed.
 
         first, picture = self.first(result), svg_drawn_by(lambda: self.picture(result), self.label)
         template = environment().get_template(self.template)
@@ -127,7 +127,7 @@ class Page(Generic[Result]):
 def sentence(text: str) -> str:
     """Return a text with a capital first letter and a full stop.
 
-    A text that ends like a sentence is returned unchanged because it can begin with a name.
+    A text that already ends with ".", "!" or "?" is returned unchanged.
     """
     if text.endswith((".", "!", "?")):
         return text
@@ -151,10 +151,10 @@ def range_of(values: Sequence[float], unit: str) -> str:
 def _zoomed(svg: str) -> str:
     """Return the HTML of a figure that is enlarged by a click or a key.
 
-    The variable ``--legible`` is the smallest width with legible letters on a phone. Matplotlib has escaped
-    the texts of the figure.
+    The CSS variable ``--legible`` is the smallest width of the figure with legible letters on a phone. The
+    SVG needs no escaping because Matplotlib has escaped its texts.
     """
-    legible_px_per_pt = 0.92  # Letters of 7 points are then 6.5 CSS pixels high.
+    legible_px_per_pt = 0.92  # At this scale, letters of 7 points are 6.5 CSS pixels high.
     width = re.search(r'width="([\d.]+)pt"', svg)
     legible = round(legible_px_per_pt * float(width[1])) if width else 0
     box = '<input type="checkbox" aria-label="enlarge">'

@@ -1,7 +1,7 @@
-"""Result of ``rig`` as JSON, terminal output and files.
+"""Output of the command ``rig``, which simulates a test campaign with a virtual damper.
 
-The runs are written to ``DIR``, and the exact values without sensor errors to ``DIR.truth``. Files are
-written only if the whole campaign is complete.
+The runs, with sensor errors, are written to the folder ``DIR``. Force, motion and current without sensor
+errors are written to ``DIR.truth``. Files are written only if the whole campaign is complete.
 """
 
 from __future__ import annotations
@@ -70,7 +70,6 @@ def _in_folder(found: RigResult, out: Path) -> Json:
 
 
 def _show(found: RigResult, console: Console) -> None:
-    """Print the runs by motion."""
     rows = []
     for motion in dict.fromkeys(each.plan.label for each in found.runs):
         runs = [each for each in found.runs if each.plan.label == motion]
@@ -136,7 +135,7 @@ def truth_folder(out: Path) -> Path:
 
 def _write_run(path: Path, run: RigRun) -> None:
     """Write a run as CSV. The first line states that the run is simulated."""
-    assert run.temperature is not None  # The virtual rig measures temperature.
+    assert run.temperature is not None  # Runs of the virtual rig always have a temperature.
     header = "time_s,displacement_m,force_N,current_A,temperature_degC"
     columns = (run.time, run.displacement, run.force, run.command, run.temperature - ZERO_CELSIUS_K)
     _write(path, f"{run.source}; not measured", header, "%.4f,%.7f,%.2f,%.4f,%.2f", columns)
@@ -157,7 +156,7 @@ def _write(path: Path, label: str, header: str, form: str, columns: Iterable[Flo
 
 
 def _channel_map(damper: VirtualDamper) -> str:
-    """Return the channel map: all runs belong to one session, and columns are found by name."""
+    """Return the channel map, which states names and units of the columns of the CSV files."""
     columns = (
         ("time", "s"),
         ("displacement", "m"),

@@ -1,7 +1,7 @@
-"""Tables and figures of a result, which are below the first screen of a page.
+"""Tables and figures of a result, which follow below the top of an HTML page.
 
-A table is declared once. ``printed`` returns it for a terminal. ``shown`` returns the same cells for the HTML
-report and the web page.
+A table is declared once. ``Table.printed`` formats the table for a terminal. ``Table.web_json`` returns the
+same cells for the HTML page and for the browser interface.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Column(Generic[Row]):
         attribute of the row
     unit : unit as text, degC for degrees Celsius
     form : format of numbers, which are aligned to the right; empty for words
-    printed : False: a terminal omits the column; a text: heading in a terminal instead of title and unit
+    printed : False omits the column in a terminal; a text is its heading in a terminal
     names_run : True if the cells are names of runs, so that a web page can plot the run of a row
     """
 
@@ -68,7 +68,7 @@ class Table(Generic[Row]):
     Attributes
     ----------
     caption : explanation in one or more sentences
-    held : returns True if a row is highlighted, such as a held-out run
+    held : returns True if a row is highlighted, for example because the run is held out
     part : returns the group of a row; a terminal draws a line between groups
     folded : label of a table that a page initially hides; empty if the rows are visible
     """
@@ -82,7 +82,7 @@ class Table(Generic[Row]):
     folded: str = ""
 
     def printed(self, *, whole: bool = False) -> RichTable:
-        """Return the table for a terminal. With ``whole``, no cell is broken into lines."""
+        """Return the table for a terminal. If ``whole`` is True, cells are never wrapped."""
         columns = [each for each in self.columns if each.printed]
         rows: list[list[str] | None] = []
         for k, row in enumerate(self.rows):
@@ -126,7 +126,7 @@ class Picture:
     @property
     def svg(self) -> str:
         """The figure as SVG, or an empty string."""
-        from mrdamper.report.figures.style import svg_drawn_by  # imports Matplotlib
+        from mrdamper.report.figures.style import svg_drawn_by  # Matplotlib is loaded only if needed.
 
         return svg_drawn_by(self.draw, self.title)
 
@@ -180,10 +180,10 @@ def terminal_table(
     Parameters
     ----------
     rows : cells of each row; None draws a line between two groups
-    left : names of the columns with words, which are aligned to the left; long cells are broken into lines
-    whole : True if no cell is broken into lines
+    left : titles of columns with words, which are aligned to the left and have wrapped cells
+    whole : True if cells are never wrapped
     """
-    name_length_max = 24  # Shorter cells are not broken. Other columns become narrower instead.
+    name_length_max = 24  # Columns of words without longer cells are not wrapped.
     table = RichTable(title=escape(title))
     names, cell_rows = list(columns), [None if row is None else list(row) for row in rows]
     for k, name in enumerate(names):

@@ -1,4 +1,4 @@
-"""Result of ``simulate``: range of the force, figure of the loops, table of all samples."""
+"""Output of the command ``simulate``: range of the force, force loops, table of samples."""
 
 from __future__ import annotations
 
@@ -35,7 +35,6 @@ def _fields(found: SimulateResult) -> Json:
 
 
 def _width(interval: tuple[FloatArray, FloatArray]) -> float:
-    """Return the mean width of an interval [N]."""
     return float(np.mean(interval[1] - interval[0]))
 
 

@@ -1,4 +1,4 @@
-"""Report of ``sweep``: answer, table of all values, page, and one row for each task."""
+"""Output of the command ``sweep``, which repeats a computation for many cases (tasks)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _TITLES = {
 
 
 def _table(run: SweepResult) -> dict[str, object]:
-    """Return the content of ``sweep.json``. It does not depend on run time, machine or order of the tasks."""
+    """Return the values for ``sweep.json``, independent of run time and order of the tasks."""
     return {
         "kind": run.plan.kind,
         "seed": run.plan.seed,
@@ -66,7 +66,6 @@ def _rows(run: SweepResult) -> list[Json]:
 
 
 def _show(run: SweepResult, console: Console) -> None:
-    """Print the statistics of each value, and the failed tasks."""
     if run.cancelled:
         return
     title = f"{count_of('task', len(run.tasks))}, of which {run.resumed} are from an earlier run"
@@ -76,7 +75,7 @@ def _show(run: SweepResult, console: Console) -> None:
 
 
 def _figures_table(run: SweepResult, title: str) -> Table[tuple[str, FigureSummary]]:
-    """Return a table with minimum, percentiles and maximum of each value."""
+    """Return a table of minimum, percentiles and maximum of each result over the tasks."""
 
     def figure(title: str, name: str) -> Column[tuple[str, FigureSummary]]:
         return Column(title, lambda row: getattr(row[1], name), form=".4g")
@@ -121,7 +120,7 @@ def _write_cards(run: SweepResult, folder: Path) -> None:
 
 
 def _figure(run: SweepResult) -> Figure | None:
-    """Return a figure of the cumulative distribution of each value; None if all values are constant."""
+    """Return a figure of the distribution of each result over the tasks; None if constant."""
     panel_count_max = 12  # More panels do not fit on the page.
     names = [name for name, found in run.statistics.items() if found.least < found.most][:panel_count_max]
     if not names:

@@ -1,8 +1,8 @@
-"""Result of ``track`` as JSON, terminal output, page, figures, traces and CSV file.
+"""Output of the command ``track``, which tests how controllers follow a target force.
 
-The figures show force, error and current versus time, like Figures 28 to 31 of the paper. The grey band is
-the attainable force between zero and maximum current. The lower panels are grey while the target is
-infeasible: outside this band, or closer to its limits than a margin.
+The figures show force, error and current versus time, like Figures 28 to 31 of the reference paper. The grey
+band is the force that is attainable with currents from zero to the maximum. The error and current panels are
+grey while the target is not feasible: it is outside the band, or inside but too close to a limit of the band.
 """
 
 from __future__ import annotations
@@ -198,7 +198,7 @@ def _best(run: TrackResult, target: str) -> Row:
 
 
 def _feasible(score: Score) -> float:
-    """Return the RMS error while the damper can reach the target [N]; if never, the error of all samples."""
+    """Return the RMS error while the target is attainable [N]; if never, of all samples."""
     return score.rmse_N if score.rmse_feasible_N is None else score.rmse_feasible_N
 
 
@@ -253,7 +253,7 @@ def _row(row: Row, plant: str) -> Json:
 
 
 def _trace(each: Traced) -> dict[str, object]:
-    """Return evenly spaced samples of force and current at the highest temperature of a target."""
+    """Return the forces and currents of a simulated target, reduced to about 2000 samples."""
     course, reach = each.course, each.reach
     part = slice(None, None, max(1, -(-len(course) // 2000)))  # A browser plots longer curves slowly.
     return {

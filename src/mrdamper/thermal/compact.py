@@ -108,10 +108,7 @@ class CompactModel:
         return len(self.capacity)
 
     def film_of(self, kind: int, surface: float, ambient: float, air_speed: float) -> float:
-        """Return the total heat-transfer coefficient of a kind of surface [W/(m^2 K)].
-
-        The coefficient includes convection, radiation and mounting. Temperatures are in [K].
-        """
+        """Return the coefficient of convection, radiation and mounting [W/(m^2 K)]."""
         both = surface + ambient
         radiation = self.radiation[kind] * both * (surface**2 + ambient**2)
         convection = self.films.interpolate(self.law[kind], surface - ambient, ambient, air_speed)
@@ -180,10 +177,7 @@ def _reduced(drawing: DamperDrawing) -> tuple[ReducedModel, list[HeatEquation]]:
 
 
 def _film_matrix(equation: HeatEquation, loss: FloatArray, kinds: IntArray, surface: IntArray) -> FloatArray:
-    """Return the matrix H of the linearised heat losses H z [W/K], shape (n, n).
-
-    The losses are linearised at a typical surface temperature.
-    """
+    """Return the matrix of the heat losses [W/K], linearised at a typical temperature rise."""
     slope = equation.cooling.fluxes(np.full(len(surface), SETTINGS.typical_rise_K))[1].sum(axis=0)
     return np.asarray(
         sum(slope[surface == kind].mean() * each for kind, each in zip(kinds, loss, strict=True))

@@ -188,10 +188,7 @@ class Calibration:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DamperDrawing:
-    """Geometry of a damper for thermal simulation.
-
-    The constructor raises InputError if the parts do not fit together.
-    """
+    """Geometry of a damper for thermal simulation; raises InputError if parts do not fit."""
 
     name: str = "drawing"
     body: Body

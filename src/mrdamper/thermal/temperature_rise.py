@@ -79,10 +79,7 @@ class Rise:
 
     @property
     def first_limit(self) -> LimitReached:
-        """Return the limit that is reached first.
-
-        If no limit is reached, the limit with the smallest distance to the temperature is returned.
-        """
+        """Return the limit that is reached first; if none is reached, the closest limit."""
         return min(
             self.limits,
             key=lambda each: (

@@ -18,9 +18,9 @@ LINE_STYLES = ("-", "--")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PickPanel:
-    """Panel for one temperature: curves of each damper, and measured points (velocity [mm/s], force [N]).
+    """Content of a plot of force [N] versus peak velocity [mm/s] at one temperature.
 
-    ``measured`` contains the points by current.
+    ``dampers`` contains the curves of each damper, ``measured`` the measured points by current.
     """
 
     title: str
@@ -29,10 +29,11 @@ class PickPanel:
 
 
 def peak_velocity_figure(drawn: Sequence[PickPanel], command_unit: str, names: Sequence[str] = ()) -> Figure:
-    """Return a figure of force versus peak velocity, one panel for each temperature, coloured by current.
+    """Return a figure of force versus peak velocity of one or two dampers.
 
-    Forces in extension are above zero, in retraction below. Curves of a second damper are dashed, and a
-    legend shows the ``names`` of the dampers.
+    There is a panel for each temperature and a colour for each current. Forces in extension are positive,
+    forces in retraction negative. Curves of a second damper are dashed, and a legend shows the ``names`` of
+    the dampers.
     """
     highest = max(abs(curve.command) for each in drawn for damper in each.dampers for curve in damper)
 
@@ -64,7 +65,7 @@ def peak_velocity_figure(drawn: Sequence[PickPanel], command_unit: str, names: S
 
 
 def card_figure(card: ModelCard) -> Figure:
-    """Return a figure of force versus peak velocity of a card's damper, one panel for each temperature."""
+    """Return a figure of force versus peak velocity for the damper model of a model card."""
     scope = default_scope(card.damper, card.envelope)
     found = characterise(card.damper, scope)
     panels = [

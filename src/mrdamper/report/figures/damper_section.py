@@ -72,7 +72,7 @@ def dampers_figure(dampers: Sequence[tuple[str, DamperDrawing]]) -> Figure:
 
 
 def field_figure(section: Section, mesh: SectionMesh, celsius: FloatArray) -> Figure:
-    """Return a figure of the temperature field as filled contours; ``celsius``: at the mesh corners."""
+    """Return a figure of the temperature field, given temperatures at ``mesh.corners``."""
     r, z = (1e3 * mesh.corners[:, k] for k in (0, 1))
     figure = Figure(figsize=(WIDTH_INCH, 3.6), layout="constrained")
     axes = figure.subplots()
@@ -90,7 +90,7 @@ def field_figure(section: Section, mesh: SectionMesh, celsius: FloatArray) -> Fi
 
 
 def _draw(axes: Axes, drawing: DamperDrawing) -> None:
-    """Draw the rings of a damper on both sides of its axis, and the visible part of the rod."""
+    """Draw the section of a damper, mirrored about its axis."""
     section = section_of(drawing)
     for block in section.blocks:
         _add_ring(axes, block, color=_COLOURS[section.regions[block.region].role][0], linewidth=0.2)
@@ -101,7 +101,7 @@ def _draw(axes: Axes, drawing: DamperDrawing) -> None:
 
 
 def _add_ring(axes: Axes, block: Block, **style: object) -> None:
-    """Add the section of a ring [mm]: one rectangle on each side of the axis."""
+    """Draw a ring of material as two rectangles, one on each side of the axis."""
     wide, high = 1e3 * (block.high - block.low), 1e3 * (block.outer - block.inner)
     for low in (block.inner, -block.outer):
         axes.add_patch(Rectangle((1e3 * block.low, 1e3 * low), wide, high, **style))  # type: ignore[arg-type]

@@ -1,7 +1,8 @@
-"""Figures of ``heat`` and ``heatsink``.
+"""Figures of the commands ``heat`` and ``heatsink``.
 
-The figures show temperatures [degC], heat flows [W] and peak force [N] versus time [min], the Pareto front of
-temperature and mass, and the parameter studies of the paper.
+The figures of ``heat`` show temperatures [degC], heat flows [W] and peak force [N] versus time [min]. The
+figures of ``heatsink`` show fluid temperature versus mass of heat sinks, and the parameter studies of the
+reference paper.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ _PATH_COLOURS: Mapping[str, str] = MappingProxyType(
 
 
 def front_figure(run: HeatsinkResult) -> Figure:
-    """Return a figure of temperature versus mass: Pareto front, reference design, and displayed designs."""
+    """Return a figure of fluid temperature versus mass: Pareto front and reference heat sink."""
     whole, shown, reference = run.found.designs, run.front, run.reference
     limit_K = run.drawing.filling.valid_K[1]
     figure = Figure(figsize=(WIDTH_INCH, 3.9))
@@ -87,7 +88,7 @@ def front_figure(run: HeatsinkResult) -> Figure:
 
 
 def sweeps_figure(sweeps: tuple[Sweep, Sweep]) -> Figure:
-    """Return a figure of temperature and efficiency in both parameter studies of the paper."""
+    """Return a figure of both parameter studies of the reference paper."""
     drawn = []
     for sweep, label in zip(sweeps, ("width, mm", "fins"), strict=True):
         sinks = [effect.sink for effect in sweep.effects]
@@ -136,7 +137,7 @@ def temperature_figure(
 
 
 def _panel_end(rise: Rise, interval: PredictionInterval | None) -> float:
-    """Return the end of the time axis [min]. It extends to the upper bound of the time to the limit."""
+    """Return the largest time [min] of the time axis."""
     end = float(rise.time[-1])
     if interval is not None and rise.time_to_limit_s is not None:
         end = max(end, min(1.05 * interval.to_limit.high_s, float(interval.time[-1])))
@@ -144,7 +145,7 @@ def _panel_end(rise: Rise, interval: PredictionInterval | None) -> float:
 
 
 def _outlook(rise: Rise, interval: PredictionInterval) -> Line:
-    """Return the 90 % band of the fluid temperature. The legend states the interval at the end."""
+    """Return the 90 % band of the fluid temperature; the legend states the final interval."""
     below, above = interval.low - ZERO_CELSIUS_K, interval.high - ZERO_CELSIUS_K
     low, high = (float(np.interp(rise.time[-1], interval.time, edge)) for edge in (below, above))
     label = f"fluid {low:.0f} to {high:.0f} °C with {100.0 * interval.probability:.0f} %"

@@ -62,7 +62,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Panel:
-    """Axes with a title and lines. ``held`` is True if the title is marked as a held-out run."""
+    """Axes with a title and lines. ``held`` marks a held-out run: its title is red."""
 
     title: str
     x_label: str
@@ -94,8 +94,8 @@ def panel_figure(
         len(drawn),
         columns,
         height=height,
-        gap=0.2 if share else 0.5,  # Inner y axes have no labels if limits are shared.
-        top=0.6 if common else TOP_INCH,  # The legend has a title and one row.
+        gap=0.2 if share else 0.5,  # Panels with shared y limits have labels only at the left panel.
+        top=0.6 if common else TOP_INCH,  # A common legend with title and one row needs 0.6 inch.
         share=share,
     )
     letters = round(table[0].get_position().width * figure.get_size_inches()[0] / letter_inch)

@@ -24,7 +24,7 @@ HELD_OUT = "#c8553d"
 TRAINING = "#4a6d8c"
 INK = "#333333"
 LIMIT = "#a03020"
-SERIES = (TRAINING, "#b08a3c", HELD_OUT, "#7a5c8e")  # colours of curves without a current or temperature
+SERIES = (TRAINING, "#b08a3c", HELD_OUT, "#7a5c8e")  # if neither current nor temperature sets the colour
 DASHED = (0, (5, 2))
 WIDTH_INCH = 10.6  # The page is 1130 px wide.
 LEFT_INCH, BOTTOM_INCH, RIGHT_INCH, TOP_INCH = 0.6, 0.42, 0.1, 0.25  # margins for labels and titles
@@ -80,7 +80,7 @@ def colour_of(command: float | None, highest: float) -> str:
 
 
 def colour_of_temperature(temperature: float, levels: Sequence[float]) -> str:
-    """Return the colour of a temperature [degC or K] in ``levels``, from violet (coldest) to orange."""
+    """Return the colour of a temperature, from violet for the lowest of ``levels`` to orange."""
     low, high = min(levels), max(levels)
     ratio = 0.5 if low == high else (temperature - low) / (high - low)
     return to_hex(mpl.colormaps["plasma"](0.05 + 0.70 * ratio))
@@ -93,9 +93,9 @@ def shortened(name: str, longest: int = 40) -> str:
 
 @contextmanager
 def drawing_style() -> Iterator[None]:
-    """Set the style of all figures in a ``with`` block, without warnings about letters that the font lacks.
+    """Set the style of all figures that are drawn in a ``with`` block.
 
-    The browser has fonts for these letters.
+    Warnings about letters that the font of Matplotlib lacks are disabled, because browsers have other fonts.
     """
     with mpl.rc_context(_STYLE), warnings.catch_warnings():  # type: ignore[arg-type]  # stubs list every key
         warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from font", UserWarning)
@@ -116,19 +116,19 @@ def svg_of(figure: Figure, label: str) -> str:
     text = re.sub(r"\n\s*\n+|\n\s+", "\n", text)
     # Coordinates are rounded, because differences of a hundredth of a point are invisible.
     text = re.sub(r'(?<= )(d|x|y)="[^"]*"', lambda found: _DECIMALS.sub(r"\1", found[0]), text)
-    escaped = re.sub(r"[^\w .,+-]", "_", label)  # A quotation mark would end the attribute.
+    escaped = re.sub(r"[^\w .,+-]", "_", label)  # Quotation marks are not allowed in an attribute.
     return text.replace("<svg", f'<svg role="img" aria-label="{escaped}"', 1)
 
 
 def svg_drawn_by(draw: Callable[[], Figure | None], label: str) -> str:
-    """Call ``draw`` and convert the figure to an SVG element; return "" if there is no figure."""
+    """Return the figure of ``draw`` as SVG element, or "" if ``draw`` returns None."""
     with drawing_style():
         figure = draw()
         return "" if figure is None else svg_of(figure, label)
 
 
 def displayable(draw: Callable[[], Figure | None], label: str) -> Figure | None:
-    """Call ``draw``; return a figure that notebooks display as SVG, or None if there is no figure."""
+    """Return the figure of ``draw``, which notebooks then display as SVG, or None."""
     with drawing_style():
         figure = draw()
     if figure is not None:
@@ -185,9 +185,9 @@ def panels(
 def add_legend(
     figure: Figure, entries: Sequence[tuple[str, str, str]], *, title: str = "", at_top: bool = False
 ) -> None:
-    """Add the legend of (label, colour, line style): a column at the right edge, or a row at the top.
+    """Add a legend to a figure: a column at the right edge, or a row at the top.
 
-    Equal entries are shown once.
+    An entry consists of label, colour and line style. Equal entries are shown once.
     """
     entries = list(dict.fromkeys(entries))
     if not entries:

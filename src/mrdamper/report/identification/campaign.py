@@ -1,7 +1,7 @@
 """A fit with its runs, grouped by motion, temperature and current for the sections of the report.
 
-A run belongs to the level of temperature (or current) that is closest to its mean. Errors of a group are
-pooled, and peak forces are measured values.
+If the runs have several temperatures, a run belongs to the group with the nearest temperature, otherwise to
+the group with the nearest current. Errors of a group are pooled. Peak forces are measured values.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from mrdamper.report.figures.style import colour_of, colour_of_temperature
 
 @dataclass(frozen=True, slots=True)
 class OperatingPoints:
-    """Temperatures [degC], or currents [A] (voltages [V]), by which a report groups the runs."""
+    """Temperatures [degC], currents [A] or voltages [V] by which runs are grouped."""
 
     kind: Literal["temperature", "command"]
     values: tuple[float, ...]
@@ -50,7 +50,7 @@ def levels_of(errors: Sequence[RunError]) -> OperatingPoints:
     if len(known) == len(errors) and known:
         clusters = [[known[0]]]
         for before, now in pairwise(known):
-            if now - before > 1.5:  # max gap within a level [K]
+            if now - before > 1.5:  # Runs whose temperatures differ by up to 1.5 K are one group.
                 clusters.append([])
             clusters[-1].append(now)
         if len(clusters) > 1:
@@ -65,9 +65,9 @@ def pooled_rms(errors: Sequence[RunError]) -> float:
 
 
 def main_sine(errors: Sequence[RunError], levels: OperatingPoints) -> str | None:
-    """Return the label of the sine with the most pairs of temperature and current; None without a sine.
+    """Return the label of the sine that was measured at the most temperatures and currents.
 
-    If several sines have the same number of pairs, the sine with the longest stroke is returned.
+    If there are several such sines, the sine with the longest stroke is returned; None without a sine.
     """
     counts: dict[str, set[tuple[float | None, float | None]]] = {}
     for error in errors:
@@ -206,7 +206,7 @@ def _trace(error: RunError, run: PreparedRun, force: FloatArray) -> Trace:
     path, over_time = run.trajectory, error.command is None or not run.period_s
     drawn = select_plot_samples(
         run,
-        seconds=7.0 if error.command is None else None,  # drawn duration of current steps [s]
+        seconds=7.0 if error.command is None else None,  # Runs with current steps are drawn for 7 s.
         points=2 * loop_point_count if over_time else loop_point_count,
     )
     return Trace(

@@ -19,10 +19,11 @@ POINT_COUNT = 81
 
 
 def coefficient_figure(campaign: Campaign) -> Figure | None:
-    """Return a figure with a panel for each coefficient that depends on current or temperature, else None.
+    """Return a figure of all coefficients that depend on current or temperature.
 
-    The coefficient is plotted versus current at several temperatures; if it is the same at all currents,
-    versus temperature. Dots mark the currents of the runs.
+    A coefficient that depends on current is plotted versus current at several temperatures. Any other
+    coefficient is plotted versus temperature. Dots mark the currents of the runs. The function returns None
+    if all coefficients are constant.
     """
     fitted, damper = campaign.fitted, campaign.fitted.damper
     envelope = envelope_of(fitted.training)
@@ -60,9 +61,9 @@ def coefficient_figure(campaign: Campaign) -> Figure | None:
 def _band(
     fitted: Identification, name: str, form: ParameterLaw, command: FloatArray, kelvin: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Return the coefficient minus and plus one linearised standard error; None if it was not fitted.
+    """Return a coefficient minus and plus its linearised standard error; None: not fitted.
 
-    Parameters at a bound have no uncertainty.
+    The standard error of a parameter at a bound counts as zero.
     """
     places = {estimate.name: k for k, estimate in enumerate(fitted.estimates)}
     members = [places.get(f"{name}.{number}") for number in form.parameter_names]

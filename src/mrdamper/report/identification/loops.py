@@ -1,4 +1,4 @@
-"""Figures of the loops of a campaign and of the residuals, as small multiples."""
+"""Figures with many small panels: force loops of the runs of a fit, and residuals."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ from mrdamper.report.sections import Picture
 LOOPS = ("displacement_mm", "velocity_mm_s")
 _X_LABELS = {"displacement_mm": "displacement, mm", "velocity_mm_s": "velocity, mm/s", "time_s": "time, s"}
 
-Drawn = tuple[str, str, RunError]  # title, colour, run
+Drawn = tuple[str, str, RunError]  # title and colour of the panel of a run, and the run
 
 
 def loop_pictures(campaign: Campaign) -> list[Picture]:
-    """Return figures of force loops, one for each of at most four motions, at all temperatures or currents.
+    """Return figures of force loops, one figure for each of at most four motions.
 
-    If no motion has runs at several temperatures or currents, the only figure has the worst run of each
-    motion. The first screen of the page already shows the loops of the main motion at each current.
+    A figure compares temperatures or, if all runs have the same temperature, currents. Then the main motion
+    is omitted because the top of the page shows its loops at each current. Without such figures, a single
+    figure shows the worst run of each motion.
     """
     if len(campaign.errors) <= PANEL_COLUMNS_MAX:
         return []
@@ -49,7 +50,7 @@ def loop_pictures(campaign: Campaign) -> list[Picture]:
 
 
 def _over_levels(campaign: Campaign, motion: str, command: float | None) -> list[Drawn]:
-    """Return a run of a motion at each temperature: with the constant ``command``, or else with steps."""
+    """Return one run for each temperature, with the current ``command`` or with current steps."""
     picked = [
         (level, campaign.find_run(motion, level, command) or campaign.find_run(motion, level, None))
         for level in pick_evenly(campaign.levels.values, PANEL_COLUMNS_MAX)
@@ -62,7 +63,6 @@ def _over_levels(campaign: Campaign, motion: str, command: float | None) -> list
 
 
 def _over_commands(campaign: Campaign, motion: str, level: float | None) -> list[Drawn]:
-    """Return a run of a motion at each current."""
     unit = campaign.errors[0].command_unit
     picked = [
         (command, campaign.find_run(motion, level, command))
@@ -80,9 +80,10 @@ def _with_names(campaign: Campaign, errors: Sequence[RunError]) -> list[Drawn]:
 
 
 def overview(campaign: Campaign) -> Figure:
-    """Return a figure of all loops if there are few runs, else of the main motion at each current.
+    """Return a figure of the force loops of up to seven runs.
 
-    The latter figure also has the worst run. Without a main motion, it has the worst run of each motion.
+    If there are more runs, the figure shows the main motion at each current and the worst run. Without a main
+    motion, the figure shows the worst run of each motion.
     """
     drawn = _with_names(campaign, campaign.errors)
     if len(drawn) > PANEL_COLUMNS_MAX:
@@ -95,9 +96,10 @@ def overview(campaign: Campaign) -> Figure:
 
 
 def _loops(campaign: Campaign, drawn: Sequence[Drawn], names: Sequence[str] = LOOPS) -> Figure:
-    """Return a figure of the force: one column for each run, one row for each abscissa in ``names``.
+    """Return a figure of measured and modelled force, one column for each run.
 
-    Runs without a period and runs with current steps are drawn versus time.
+    Each row has another x axis, listed in ``names``. If all runs have current steps or no period, the force
+    is drawn only versus time.
     """
     traces = campaign.traces([run for *_, run in drawn])
     names = ("time_s",) if all(trace.over_time for trace in traces) else names
@@ -118,8 +120,8 @@ def _loops(campaign: Campaign, drawn: Sequence[Drawn], names: Sequence[str] = LO
 def residual_figure(campaign: Campaign) -> Figure:
     """Return a figure of measured minus modelled force versus velocity, coloured by current.
 
-    There is a panel for each temperature, with the main motion. If the runs have no different temperatures,
-    there is a panel for each motion.
+    There is a panel of the main motion for each temperature. If all runs have the same temperature, there is
+    a panel for each motion.
     """
     if campaign.warm and campaign.main is not None:
         groups: list[tuple[str, str, float | None]] = [

@@ -1,4 +1,4 @@
-"""Page of a fit. All values follow from the fit and its assessment."""
+"""HTML page of a fit: declaration of its top, tables and figures."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def _interval_figure(campaign: Campaign, fitted: FitResult) -> Figure | None:
     damper, samples = fitted.damper, fitted.posterior
     if samples is None:
         return None
-    few = samples.dampers(damper, 60)  # Each posterior sample needs a simulation.
+    few = samples.dampers(damper, 60)  # The number is limited because each sample needs a simulation.
     worst = find_worst_by_motion(campaign.errors)[:4]
     forces = [force_interval(damper, few, campaign.runs[error.name]) for error in worst]
     dampers, command = samples.dampers(damper, len(samples)), envelope_of(fitted.training).command

@@ -1,4 +1,4 @@
-"""Result of a fit as JSON, as terminal output, and as files: card, report, errors by run."""
+"""Output of the command ``fit``: JSON, terminal, model card, page, errors as CSV."""
 
 from __future__ import annotations
 

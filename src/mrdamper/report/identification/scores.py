@@ -19,14 +19,14 @@ _SPLITS: tuple[Split, ...] = ("training", "held_out")
 
 
 def by_split(errors: Iterable[RunError]) -> dict[str, dict[str, float]]:
-    """Return median and worst ``nrmse_percent`` of training and held-out runs, also of runs with current."""
+    """Return error statistics [%] of the training runs and of the held-out runs."""
     every = tuple(errors)
     parts = {split: [error for error in every if error.split == split] for split in _SPLITS}
     return {split: summary(part) for split, part in parts.items() if part}
 
 
 def summaries(errors: Iterable[RunError]) -> Json:
-    """Return the statistics of ``by_split`` for the answer, with ``_nrmse_percent`` in every key."""
+    """Return the statistics of ``by_split`` for JSON, with ``_nrmse_percent`` in every key."""
     return {
         split: {f"{name}_nrmse_percent": value for name, value in values.items()}
         for split, values in by_split(errors).items()

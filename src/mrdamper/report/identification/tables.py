@@ -1,4 +1,4 @@
-"""Tables of a fit: errors by kind, candidates, coefficients."""
+"""Tables of a fit: coefficients, correlations, errors, candidates of the selection."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def candidate_table(selection: Selection) -> Table[CandidateScore]:
 
 
 def best_candidates(selection: Selection, count_max: int) -> Table[CandidateScore]:
-    """Return the table of the best candidate of each cross-validated law, at most ``count_max`` rows."""
+    """Return a table of the best cross-validated candidate of each hysteresis model."""
     best: dict[str, CandidateScore] = {}
     for score in selection.scores:
         if score.reason == "chosen" or not math.isnan(score.cv_mean_percent):
@@ -124,7 +124,7 @@ def best_candidates(selection: Selection, count_max: int) -> Table[CandidateScor
 
 
 def subset_sentence(selection: Selection) -> str:
-    """Return a sentence with the error of the selected candidate on the selection windows and on all runs."""
+    """Return a sentence on the error with the samples of the selection and with all samples."""
     if not selection.is_subset:
         return f"The selection used all {selection.sample_count} samples."
     return (

@@ -24,12 +24,12 @@ from mrdamper.report.figures.small_multiples import Line, Panel, Point, panel_fi
 from mrdamper.report.figures.style import colour_of, svg_drawn_by
 from mrdamper.report.identification.campaign import Campaign, peak_force, pick_of, sine_of
 
-REFERENCE_DISTANCE_MAX_K = 2.5  # A tested temperature this close to 20 degC is the reference.
+REFERENCE_DISTANCE_MAX_K = 2.5  # Force losses refer to a tested temperature this close to 20 degC.
 
 
 @dataclass(frozen=True, slots=True)
 class Warmth:
-    """Figure of peak force, force loss and energy per cycle versus temperature, with a summary sentence."""
+    """Figure (``svg``) and summary of force, force loss and energy versus temperature."""
 
     motion: str
     summary: str
@@ -38,7 +38,7 @@ class Warmth:
 
 
 def temperature_section(campaign: Campaign) -> Warmth | None:
-    """Return the section on force, loss and energy; None for a damper without temperature dependence."""
+    """Return the section on temperature; None for a damper model that ignores temperature."""
     damper = campaign.fitted.damper
     if not damper.temperature_dependent:
         return None
@@ -54,7 +54,7 @@ def temperature_section(campaign: Campaign) -> Warmth | None:
     else:
         low, high = damper.temperature_range or (REFERENCE_K, REFERENCE_K + 100.0)
         reference = float(np.clip(REFERENCE_K, low, high))
-    count = 25 if damper.law.kernel is not None else 4  # Laws in Python are slow.
+    count = 25 if damper.law.kernel is not None else 4  # Models without compiled code are slow.
     grid = np.linspace(low, high, count)
     drawn: tuple[list[Line], list[Line], list[Line]] = ([], [], [])
     ends = []
@@ -86,7 +86,7 @@ def temperature_section(campaign: Campaign) -> Warmth | None:
 def _measurements(
     campaign: Campaign, command: float, reference: float
 ) -> tuple[tuple[Point, ...], tuple[Point, ...], tuple[Point, ...]]:
-    """Return measured points versus temperature: peak force [N], relative loss [%], energy per cycle [J]."""
+    """Return measured peak force [N], force loss [%] and energy per cycle [J]."""
     if not campaign.warm or campaign.main is None:
         return (), (), ()
     runs = [(level, campaign.find_run(campaign.main, level, command)) for level in campaign.levels.values]
@@ -142,9 +142,9 @@ class Characteristics:
 
     found: Characterisation
     svg: str
-    titles: tuple[str, ...]  # title of each temperature; "" without temperature dependence
+    titles: tuple[str, ...]  # each temperature as text; "" if the damper model ignores temperature
     motion: str
-    assumed: tuple[bool, ...]  # True at temperatures that were not tested, if temperature factors are assumed
+    assumed: tuple[bool, ...]  # True for untested temperatures with assumed temperature factors
 
 
 def characteristics_section(campaign: Campaign) -> Characteristics:
@@ -185,8 +185,8 @@ def characteristics_section(campaign: Campaign) -> Characteristics:
 
 
 def _is_tested(campaign: Campaign, temperature: float | None) -> bool:
-    """Return True if training runs were near a temperature [K]. Runs without temperature count as 20 degC."""
-    tested_distance_max_K = 5.0  # Results at a larger distance from tested temperatures use assumed factors.
+    """Return True if the training runs include, or nearly include, a temperature [K]."""
+    tested_distance_max_K = 5.0  # max distance from the range of tested temperatures
     tested = envelope_of(campaign.fitted.training).temperature or (REFERENCE_K, REFERENCE_K)
     return (
         temperature is None
@@ -197,10 +197,7 @@ def _is_tested(campaign: Campaign, temperature: float | None) -> bool:
 def _picks(
     campaign: Campaign, commands: Sequence[float], temperature: float | None
 ) -> dict[float, list[Point]]:
-    """Return the measured points of the sines at a temperature, by current.
-
-    If the runs have no different temperatures, the points of all sines are returned.
-    """
+    """Return measured forces at peak velocity of the runs at a temperature, by current."""
     found: dict[float, list[Point]] = {}
     if not campaign.warm and not _is_tested(campaign, temperature):
         return found

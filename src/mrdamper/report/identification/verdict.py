@@ -1,4 +1,4 @@
-"""The verdict of a fit: whether it has converged, and its errors on held-out, training and new runs."""
+"""Sentences that judge a fit: convergence, errors of runs, expected error of new runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Result of ``heat`` as JSON, terminal output, page and CSV file of the curve."""
+"""Output of the command ``heat``: JSON, terminal, page, CSV file of temperatures."""
 
 from __future__ import annotations
 
@@ -117,13 +117,13 @@ def _rows(run: HeatResult) -> list[dict[str, object]]:
 
 
 def summary(run: HeatResult) -> list[str]:
-    """Return the limits, the temperature of the fluid at the end, and the loss of force."""
+    """Return lines on temperature limits, final fluid temperature, and loss of force."""
     intervals = page_intervals(run)
     return _sentences(run.rise, intervals[0] if intervals else None)
 
 
 def show(run: HeatResult, console: Console) -> None:
-    """Print the limits, the values at the end, the temperatures at seven evenly spaced times, and notes."""
+    """Print the summary, the energies, temperatures at seven times, and notes."""
     intervals = page_intervals(run)
     lines = summary(run)
     if run.bare is not None:
@@ -159,7 +159,6 @@ def _table(rise: Rise) -> Table:
 
 
 def _sentences(rise: Rise, interval: PredictionInterval | None) -> list[str]:
-    """Return the limits, the temperature of the fluid at the end, and the loss of force."""
     after = f"after {rise.time[-1] / 60:.4g} min"
     band = end_band(rise, interval, "degC") or "extrapolated beyond the runs of the card"
     lines = [_limit_sentence(rise, interval, k) for k in range(len(rise.limits))]
@@ -182,7 +181,7 @@ def _limit_sentence(rise: Rise, interval: PredictionInterval | None, index: int)
 
 
 def _energy_sentence(rise: Rise) -> str:
-    """Return a sentence with the supplied energy, and the percentage that each heat path received."""
+    """Return a sentence on the supplied energy and the percentages lost and stored."""
     energy, total = rise.energy_J, rise.input_J
     parts = [name for name in energy if name not in {"mechanical", "coil", "out"}]
     percents = ", ".join(f"{name} {100 * energy[name] / total:.0f} %" for name in parts) if total > 0 else "-"

@@ -1,4 +1,4 @@
-"""Page of ``heat``: first screen, sections, and texts that are also used in the terminal."""
+"""HTML page of the command ``heat``, and texts that the terminal output also uses."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _caption(run: HeatResult) -> str:
 
 
 def temperature_flags(card: ModelCard) -> list[tuple[str, str]]:
-    """Return warnings if the temperature dependence of a card is assumed or missing."""
+    """Return a warning if the damper model ignores temperature or its dependence is assumed."""
     if card.damper.temperature_dependent:
         return assumption_flags(card.damper)
     return [("The card has no temperature model", "Force and mechanical power do not depend on temperature")]
@@ -125,7 +125,7 @@ def _figure(run: HeatResult) -> Figure:
 
 
 def _account(rise: Rise) -> dict[str, tuple[float, float]]:
-    """Return energy [kJ] and fraction of the supplied energy [%] for each source, path and store, by name."""
+    """Return each energy of the energy balance in kJ and as percentage of the supply."""
     energy, total = rise.energy_J, rise.input_J
     return {
         name: (joule / 1e3, 100.0 * joule / total if total > 0.0 else 0.0) for name, joule in energy.items()
@@ -143,7 +143,7 @@ def sink_in_words(sink: HeatSink) -> str:
 
 
 def page_intervals(run: HeatResult) -> list[PredictionInterval]:
-    """Return the interval of each curve; empty if the load cycle is outside the range of the card."""
+    """Return the 90 % interval of each curve; empty if the damper model extrapolates."""
     return [] if run.extrapolated else run.prediction_intervals
 
 
@@ -157,7 +157,7 @@ def end_band(rise: Rise, interval: PredictionInterval | None, unit: str = "°C")
 
 
 def _field_figure(rise: Rise) -> Figure | None:
-    """Return a figure of the final temperature field; None if the thermal model has no field."""
+    """Return a figure of the final temperature field; None if the thermal model is a network."""
     reduced, heating = rise.field, rise.heating
     if reduced is None or not isinstance(heating, FieldHeating):
         return None

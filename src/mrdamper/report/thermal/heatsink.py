@@ -1,4 +1,4 @@
-"""Result of ``heatsink`` as JSON, terminal output, page, CSV file of the front and file of the best sink."""
+"""Output of the command ``heatsink``: best fins, compared with a reference heat sink."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _first(run: HeatsinkResult) -> FirstScreen:
 
 
 def _verdict(run: HeatsinkResult) -> list[str]:
-    """Return sentences on the best sink and on the temperature difference to the reference design."""
+    """Return sentences on the best heat sink and its temperature compared with the reference."""
     assert run.best.sink is not None  # All designs of a search have sinks.
     lines = [
         f"Best heat sink: {sink_in_words(run.best.sink)}.",
@@ -75,7 +75,7 @@ def _comparison(run: HeatsinkResult) -> str:
 
 
 def _interval(run: HeatsinkResult) -> str:
-    """Return the interval of the temperature difference to the reference; the middle is positive."""
+    """Return the interval of the temperature difference, with a positive middle."""
     low, high = (run.gain.low, run.gain.high) if run.gain.middle >= 0.0 else (-run.gain.high, -run.gain.low)
     return f"{low:.1f} to {high:.1f} K"
 
@@ -85,7 +85,7 @@ def _reference(run: HeatsinkResult) -> str:
 
 
 def _lightest(run: HeatsinkResult) -> SinkDesign | None:
-    """Return the lightest design that is as cool as the reference; None if this is the best design."""
+    """Return the lightest sink that is as cool as the reference; None if it is the best."""
     return None if run.reference.sink is None or run.lightest is run.best else run.lightest
 
 
@@ -108,7 +108,7 @@ def _method(run: HeatsinkResult) -> str:
 
 
 def _designs(run: HeatsinkResult) -> list[tuple[str, SinkDesign]]:
-    """Return the heat sinks of the table, each with a label such as "reference" or an empty one."""
+    """Return the designs of the table, each with a label: bare, reference, coolest, or none."""
     labelled = [
         ("bare", run.bare),
         *([("reference", run.reference)] if run.reference.sink is not None else []),
@@ -201,7 +201,7 @@ def _fields(run: HeatsinkResult) -> dict[str, object]:
 
 
 def _design(design: SinkDesign) -> Json:
-    """Return dimensions, mass and temperatures of a heat sink. The bare damper has 0 fins of size 0."""
+    """Return dimensions, mass and temperatures of a design; no fins: dimensions are 0."""
     found = design.sink
     fins, *sizes = (0, 0.0, 0.0, 0.0)
     if found is not None:
@@ -224,7 +224,7 @@ def _rows(run: HeatsinkResult) -> list[Json]:
 
 
 def _study(sweeps: tuple[Sweep, Sweep]) -> Json:
-    """Return the parameter studies of the paper, of width and number of the fins."""
+    """Return the parameter studies of the reference paper: width and number of the fins."""
     study: Json = {"formula": EFFICIENCY_FORMULA, "follows_paper": {}}
     for name, sweep in zip(("width", "fins"), sweeps, strict=True):
         study["follows_paper"][name] = sweep.follows_paper
@@ -250,8 +250,8 @@ def _toml(run: HeatsinkResult) -> str:
 
 
 def _show(run: HeatsinkResult, console: Console) -> None:
-    """Print the verdict, then a table of the labelled designs and of evenly spaced designs of the front."""
-    design_count_max = 8  # max number of designs without a label; the report shows all designs
+    """Print sentences on the best heat sink, and a table with a part of the designs."""
+    design_count_max = 8  # The table has at most 8 designs without a label. The page has all designs.
     for line in _verdict(run):
         console.print(escape(line))
     table = _front_table(run)

@@ -94,11 +94,7 @@ def predict_interval(
     misfit = 0.0 if calibrated is None else SETTINGS.misfit_ratio
 
     def band(weights: FloatArray, curve: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return ``curve`` [K] and its bounds, at the times of the network simulation.
-
-        ``weights`` are the node weights of the same temperature. The simulation may last longer than the
-        curve. Then the simulated temperature follows after the last point of the curve.
-        """
+        """Return ``curve`` [K], extended by the simulation of the network, and its 90 % bounds."""
         middle, up, down = _interval_widths(runs, weights)
         middle = middle + np.interp(time, rise.time, curve - np.interp(rise.time, time, middle))
         more = SETTINGS.interval_deviations * misfit * np.abs(middle - middle[0])

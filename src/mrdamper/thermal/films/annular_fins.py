@@ -188,13 +188,7 @@ def floor_share(
 
 
 def side_uncertainty(gap: float, diameter_ratio: float, speed: float) -> float:
-    """Return the relative error of the coefficients of fin sides and of the tube [-].
-
-    The error is the half width of the 90 % interval, divided by the coefficient.
-
-    The half width is 0.15 for gaps of 5 mm or more in still air, and 0.20 for smaller gaps and in wind. It is
-    0.30 for fins shorter than a third of the tube diameter or longer than the tube diameter.
-    """
+    """Return the relative 90 % error of the coefficients of fin sides and tube."""
     if not 1.67 <= diameter_ratio <= 3.0:
         return 0.30
     return 0.15 if speed == 0.0 and gap >= 5e-3 * (1.0 - 1e-9) else 0.20

@@ -212,10 +212,7 @@ def _insides(drawing: DamperDrawing) -> tuple[list[Region], list[Block]]:
 
 
 def _caps(drawing: DamperDrawing, surfaces: list[Surface]) -> list[Edge]:
-    """Add one surface for each cap, and return the edges of the caps.
-
-    Each cap has one half of the conductance from the body to its mountings.
-    """
+    """Add a surface for each cap, and return the edges of both caps."""
     around, rod = drawing.surroundings, drawing.rod
     edges = []
     for name, at, shaft in (("near cap", 0.0, True), ("far cap", drawing.body.length, rod.through)):

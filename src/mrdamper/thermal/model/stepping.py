@@ -227,10 +227,7 @@ class EnergyAccount(ABC):
 
     @property
     def energy_J(self) -> Mapping[str, float]:
-        """Return the energies of the whole simulation by name.
-
-        The names are ``mechanical`` and ``coil`` (supplied), ``out`` (all losses), ``stored`` and loss paths.
-        """
+        """Return energies by name: mechanical, coil, out (all losses), stored, each loss path."""
         last = self.energy[-1]
         found = {
             "mechanical": float(last[-2]),

@@ -178,10 +178,7 @@ def _forced_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLike
 
 
 def _gap(drawing: DamperDrawing, sink: HeatSink, tip: float) -> float:
-    """Return the gap between fins minus tolerance and fouling [m].
-
-    A single fin has no gap. Its outer diameter is used instead.
-    """
+    """Return the gap between fins minus tolerance and fouling [m]; one fin: its diameter."""
     return sink.gap - drawing.manufacture.closing if sink.fins > 1 else 2.0 * tip
 
 

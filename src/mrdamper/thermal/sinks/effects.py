@@ -74,10 +74,7 @@ class Sweep:
 
     @property
     def follows_paper(self) -> bool:
-        """Return True if the efficiency rises to the second heat sink and then falls.
-
-        This is the trend in both parameter studies of the reference paper.
-        """
+        """Return True if the efficiency rises to the second heat sink, and then falls."""
         rises = np.diff(self.efficiency) > 0.0
         return bool(rises[0] and not rises[1:].any())
 
@@ -138,10 +135,7 @@ def paper_sweeps(drawing: DamperDrawing, sink: HeatSink, loads: Sequence[Load]) 
 
 @dataclass(frozen=True, slots=True)
 class GainBand:
-    """Gain of a heat sink and its 90 % interval.
-
-    A positive gain means that the fluid is cooler than with the reference heat sink.
-    """
+    """Gain of a heat sink and its 90 % interval; positive: cooler than the reference."""
 
     middle: float  # computed gain [K]
     low: float  # lower end of the interval [K]
