@@ -1,4 +1,4 @@
-"""Outputs of a command: declaration of JSON object, terminal output, page and files."""
+"""Declaration of the outputs of a command: JSON, terminal output, page and files."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def wrote_sentence(_: object, answer: Json) -> list[str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report(Generic[Result]):
-    """Declaration of all outputs of a command: JSON object, terminal output, page and files.
+    """Declaration of all outputs of a command.
 
     The user's folder is the folder that the user names, for example by ``--out``. The *answer* is the JSON
     object. The functions receive the result of the command.

@@ -1,4 +1,4 @@
-"""Output of the command ``check``: faults and warnings ("findings") in measured data."""
+"""Output of the command ``check``: findings (faults, warnings) in measured data."""
 
 from __future__ import annotations
 
@@ -194,7 +194,7 @@ def _show(result: CheckResult, console: Console) -> None:
 
 
 def _show_questions(result: CheckResult, console: Console) -> None:
-    """Print values inferred from names of files, and questions that the user should answer."""
+    """Print values that were inferred from file names, and questions to the user."""
     question_count_max = 4
     inference_count_max = 3
     inferred = [inference for file in result.files for inference in file.inferred]
@@ -209,7 +209,7 @@ def _show_questions(result: CheckResult, console: Console) -> None:
 
 
 def show_findings(findings: Sequence[Finding], console: Console) -> None:
-    """Print the worst finding of each kind, and the number of further runs with this kind."""
+    """Print the worst finding of each kind, and the number of other affected runs."""
     finding_count_max = 4
     kinds = by_kind(findings)
     for finding, run_count in kinds[:finding_count_max]:
@@ -232,7 +232,7 @@ def _verdict(result: CheckResult) -> tuple[str, str]:
 
 
 def _by_layout(files: Sequence[CheckedFile]) -> dict[str, str]:
-    """Group files by format and columns; a value names the first file and counts the others."""
+    """Group files by format and columns; a value describes the files of a group."""
     paths: dict[str, list[str]] = {}
     for file in files:
         columns = ", ".join(f"{column.role} {column.name!r} in {column.unit}" for column in file.columns)

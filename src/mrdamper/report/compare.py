@@ -1,4 +1,4 @@
-"""Output of the command ``compare``: JSON, tables, page with force-velocity curves."""
+"""Output of the command ``compare``: JSON, tables, force-velocity curves of a page."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _fields(comparison: Comparison) -> dict[str, object]:
 
 
 def _cases(comparison: Comparison) -> list[tuple[int, int, Json]]:
-    """Return all pairs of temperature and current: two indices, and the two values by name."""
+    """Return all pairs of temperature and current: indices, and values by name."""
     return [
         (t, i, {"temperature_degC": in_degrees(kelvin), "command": command})
         for t, kelvin in enumerate(comparison.scope.temperatures)
@@ -84,7 +84,7 @@ def _energies(comparison: Comparison) -> list[Json]:
 
 
 def _responses(comparison: Comparison) -> list[Json]:
-    """Return times [s] to 63 and 90 % of the change of current and force after current steps."""
+    """Return the times [s] to 63 and 90 % of the response to current steps."""
     return [
         {"card": name, **asdict(response)}
         for name, found in zip(comparison.names, comparison.found, strict=True)

@@ -1,4 +1,4 @@
-"""Output of the command ``cycles``, which evaluates each cycle of a long measurement."""
+"""Output of the command ``cycles``, which evaluates all cycles of a measurement."""
 
 from __future__ import annotations
 

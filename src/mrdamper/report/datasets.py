@@ -1,4 +1,4 @@
-"""Output of the commands ``data list`` (public data sets) and ``data fetch`` (files)."""
+"""Output of the commands ``data list`` and ``data fetch`` for public data sets."""
 
 from __future__ import annotations
 

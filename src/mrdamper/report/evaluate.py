@@ -1,4 +1,4 @@
-"""Output of the command ``evaluate``: JSON, terminal, page, CSV file of the errors."""
+"""Output of the command ``evaluate``: errors of a model card on measured runs."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def _interval_sentences(result: EvaluateResult) -> Iterator[str]:
 
 
 def _stated_errors(result: EvaluateResult) -> Iterator[str]:
-    """Yield sentences that compare the errors of the runs with the errors in the model card."""
+    """Yield sentences that compare the errors with those stated in the model card."""
     for split, errors in result.promised.items():
         if errors["runs"]:
             yield (
@@ -88,7 +88,7 @@ def _new_runs(result: EvaluateResult) -> list[RunError]:
 
 
 def _band(result: EvaluateResult) -> dict[str, object] | None:
-    """Return the force band of the model card, and the percentage of samples within the band."""
+    """Return the card's force band, and the percentage of samples within this band."""
     if result.band is None:
         return None
     inside = [each.in_band_percent for each in _new_runs(result) if each.in_band_percent is not None]

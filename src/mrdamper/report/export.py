@@ -1,4 +1,4 @@
-"""Output of the command ``export``: C folder, FMU, force map, MATLAB folder, and a page."""
+"""Output of the command ``export``: C code, FMU, force map, MATLAB files, page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Output of the command ``fluid``: JSON, terminal output, fluid file, page with a figure.
+"""Output of the command ``fluid``: fluid file and page on fitted fluid properties.
 
 A law is a formula for viscosity or yield stress. The figure has one row of two panels for each of these
 quantities. Measured points are grey, and hollow if they were excluded from the fit. The curve of the best law
@@ -63,7 +63,7 @@ def _over_temperature(study: Study, label: str, scale: float) -> Panel:
 
 
 def _residuals(study: Study) -> Panel:
-    """Return a panel of measured points and other fitted laws, relative to the best law [%]."""
+    """Return a panel of measured points and laws as deviation from the best law [%]."""
     celsius, best = study.temperature_K - ZERO_CELSIUS_K, study.best.value(study.temperature_K)
     lines = [_points(celsius, 100.0 * (study.value / best - 1.0), study)]
     for fit, colour in zip(study.fits[1:], SERIES[1:], strict=False):

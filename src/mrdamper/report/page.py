@@ -154,7 +154,7 @@ def _zoomed(svg: str) -> str:
     The CSS variable ``--legible`` is the smallest width of the figure with legible letters on a phone. The
     SVG needs no escaping because Matplotlib has escaped its texts.
     """
-    legible_px_per_pt = 0.92  # At this scale, letters of 7 points are 6.5 CSS pixels high.
+    legible_px_per_pt = 0.92  # Letters of 7 points are 6.5 CSS pixels high at this scale.
     width = re.search(r'width="([\d.]+)pt"', svg)
     legible = round(legible_px_per_pt * float(width[1])) if width else 0
     box = '<input type="checkbox" aria-label="enlarge">'

@@ -1,4 +1,4 @@
-"""Output of the command ``rig``, which simulates a test campaign with a virtual damper.
+"""Output of the command ``rig``, which simulates tests of a virtual damper.
 
 The runs, with sensor errors, are written to the folder ``DIR``. Force, motion and current without sensor
 errors are written to ``DIR.truth``. Files are written only if the whole campaign is complete.
@@ -156,7 +156,7 @@ def _write(path: Path, label: str, header: str, form: str, columns: Iterable[Flo
 
 
 def _channel_map(damper: VirtualDamper) -> str:
-    """Return the channel map, which states names and units of the columns of the CSV files."""
+    """Return the channel map, which states names and units of the CSV columns."""
     columns = (
         ("time", "s"),
         ("displacement", "m"),

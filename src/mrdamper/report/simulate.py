@@ -1,4 +1,4 @@
-"""Output of the command ``simulate``: range of the force, force loops, table of samples."""
+"""Output of the command ``simulate``: range of the force, loops, all samples."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Output of the command ``sweep``, which repeats a computation for many cases (tasks)."""
+"""Output of the command ``sweep``, which repeats a computation for many tasks."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _TITLES = {
 
 
 def _table(run: SweepResult) -> dict[str, object]:
-    """Return the values for ``sweep.json``, independent of run time and order of the tasks."""
+    """Return the values of ``sweep.json``, which exclude run times and run order."""
     return {
         "kind": run.plan.kind,
         "seed": run.plan.seed,
@@ -75,7 +75,7 @@ def _show(run: SweepResult, console: Console) -> None:
 
 
 def _figures_table(run: SweepResult, title: str) -> Table[tuple[str, FigureSummary]]:
-    """Return a table of minimum, percentiles and maximum of each result over the tasks."""
+    """Return a table of minimum, percentiles and maximum of each result of the tasks."""
 
     def figure(title: str, name: str) -> Column[tuple[str, FigureSummary]]:
         return Column(title, lambda row: getattr(row[1], name), form=".4g")
@@ -120,7 +120,7 @@ def _write_cards(run: SweepResult, folder: Path) -> None:
 
 
 def _figure(run: SweepResult) -> Figure | None:
-    """Return a figure of the distribution of each result over the tasks; None if constant."""
+    """Return a figure of the distribution of each result; None if all are constant."""
     panel_count_max = 12  # More panels do not fit on the page.
     names = [name for name, found in run.statistics.items() if found.least < found.most][:panel_count_max]
     if not names:

@@ -1,4 +1,4 @@
-"""Output of the command ``track``, which tests how controllers follow a target force.
+"""Output of the command ``track``, which tests how well controllers track a force.
 
 The figures show force, error and current versus time, like Figures 28 to 31 of the reference paper. The grey
 band is the force that is attainable with currents from zero to the maximum. The error and current panels are
@@ -198,7 +198,7 @@ def _best(run: TrackResult, target: str) -> Row:
 
 
 def _feasible(score: Score) -> float:
-    """Return the RMS error while the target is attainable [N]; if never, of all samples."""
+    """Return the RMS error while the target is attainable [N]; never: of all samples."""
     return score.rmse_N if score.rmse_feasible_N is None else score.rmse_feasible_N
 
 
@@ -253,7 +253,7 @@ def _row(row: Row, plant: str) -> Json:
 
 
 def _trace(each: Traced) -> dict[str, object]:
-    """Return the forces and currents of a simulated target, reduced to about 2000 samples."""
+    """Return forces and currents of a simulation, reduced to about 2000 samples."""
     course, reach = each.course, each.reach
     part = slice(None, None, max(1, -(-len(course) // 2000)))  # A browser plots longer curves slowly.
     return {

@@ -1,4 +1,4 @@
-"""Compact thermal model of a damper with six states, small enough for a controller.
+"""Compact thermal model of a damper with six states for a controller.
 
     C_i dz_i/dt = -k_i z_i + p_i P + c_i R(T_coil) I^2 - sum_k h_k (S_k z - s_k (T_ambient - T_reference))
 
@@ -108,7 +108,10 @@ class CompactModel:
         return len(self.capacity)
 
     def film_of(self, kind: int, surface: float, ambient: float, air_speed: float) -> float:
-        """Return the coefficient of convection, radiation and mounting [W/(m^2 K)]."""
+        """Return the total heat-transfer coefficient of a kind of surface [W/(m^2 K)].
+
+        The coefficient includes convection, radiation and mounting. Temperatures are in [K].
+        """
         both = surface + ambient
         radiation = self.radiation[kind] * both * (surface**2 + ambient**2)
         convection = self.films.interpolate(self.law[kind], surface - ambient, ambient, air_speed)
@@ -177,7 +180,7 @@ def _reduced(drawing: DamperDrawing) -> tuple[ReducedModel, list[HeatEquation]]:
 
 
 def _film_matrix(equation: HeatEquation, loss: FloatArray, kinds: IntArray, surface: IntArray) -> FloatArray:
-    """Return the matrix of the heat losses [W/K], linearised at a typical temperature rise."""
+    """Return the heat-loss matrix [W/K], linearised at a typical temperature rise."""
     slope = equation.cooling.fluxes(np.full(len(surface), SETTINGS.typical_rise_K))[1].sum(axis=0)
     return np.asarray(
         sum(slope[surface == kind].mean() * each for kind, each in zip(kinds, loss, strict=True))
@@ -185,7 +188,7 @@ def _film_matrix(equation: HeatEquation, loss: FloatArray, kinds: IntArray, surf
 
 
 def _modes(equation: HeatEquation, films: Sequence[FloatArray], loads: FloatArray) -> FloatArray:
-    """Return the n modes of the compact model, as columns of the m unknowns of the reduced model.
+    """Return the modes of the compact model in the unknowns of the reduced model.
 
     The first mode is a uniform temperature of 1 K. The other modes are the dominant directions of the
     Gramian. Step responses of the reduced model to ``loads``, shape (m, loads), determine the Gramian.
@@ -208,7 +211,7 @@ def _modes(equation: HeatEquation, films: Sequence[FloatArray], loads: FloatArra
 def _feedthrough(
     equation: HeatEquation, film: FloatArray, basis: FloatArray, sources: FloatArray, rows: FloatArray
 ) -> FloatArray:
-    """Return the steady-state error of the compact model [K/W], shape (outputs, sources).
+    """Return the steady-state error of the compact model [K/W].
 
     The error is the response of the reduced model minus the response of its modes ``basis``. ``rows`` are
     the weights of the unknowns in each output.
@@ -220,7 +223,7 @@ def _feedthrough(
 
 
 def _choose_spots(equation: HeatEquation, films: Sequence[FloatArray], sources: FloatArray) -> FloatArray:
-    """Return three points of each part that can be the hottest point, shape (parts, points, m).
+    """Return three points of each part that can be the hottest point of the part.
 
     A point is a row of weights of the m unknowns. The points are the hottest ones in short-term and
     steady-state responses to several ratios of mechanical power to coil heat. If fewer points are

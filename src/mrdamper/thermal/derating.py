@@ -65,7 +65,7 @@ class Conditions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Derating:
-    """Largest permissible fraction of current, stroke or duty ratio, as tables of shape (d, w, a).
+    """Largest permissible fraction of current, stroke or duty ratio.
 
     The axes are duration, air speed and ambient temperature. NaN means that even the fraction 0 exceeds a
     temperature limit.
@@ -83,7 +83,7 @@ class Derating:
 def derate_damper(
     damper: Damper, drawing: DamperDrawing, duty: Duty, conditions: Conditions, quantity: Quantity
 ) -> Derating:
-    """Return the largest permissible fraction of current, stroke or duty ratio of a load cycle.
+    """Return the largest permissible fraction of current, stroke or duty ratio.
 
     The segments of the load cycle are replaced by a single segment with their mean power.
 
@@ -121,7 +121,7 @@ def derate_damper(
 
 
 def _mean_load(damper: Damper, drawing: DamperDrawing, duty: Duty, quantity: Quantity, share: float) -> Load:
-    """Return the mean load of a load cycle after its ``quantity`` was multiplied by ``share``."""
+    """Return the mean load of a load cycle with ``quantity`` multiplied by ``share``."""
     motion = share if quantity == "stroke" else 1.0
     command = share if quantity == "current" else 1.0
     segments = tuple(_scaled(each, motion, command) for each in duty.segments)
@@ -146,7 +146,7 @@ def _scaled(segment: Segment, motion: float, command: float) -> Segment:
 
 
 def _joint_model(drawing: DamperDrawing, conditions: Conditions) -> ReducedModel:
-    """Return one reduced thermal model for all ambient temperatures and air speeds of a table."""
+    """Return one reduced thermal model for all ambient temperatures and air speeds."""
     ends = [(ambient, air) for ambient in conditions.ambient[[0, -1]] for air in conditions.air[[0, -1]]]
     around = [
         replace(drawing.surroundings, ambient=float(t), air_speed=float(u)) for t, u in dict.fromkeys(ends)
@@ -189,7 +189,7 @@ def _rise(equation: HeatEquation, load: Load, duration: FloatArray, parts: Seque
 
 
 def _rise_factors(drawing: DamperDrawing, load: Load, air: float, conditions: Conditions) -> FloatArray:
-    """Return the bounds of the 90 % interval of the rise, divided by the predicted rise."""
+    """Return the bounds of the 90 % interval of the rise / predicted rise."""
     ambient = float(np.median(conditions.ambient))
     around = replace(drawing.surroundings, ambient=ambient, air_speed=air)
     ends = np.where(np.isfinite(conditions.duration), conditions.duration, SETTINGS.map_steady_time_s)

@@ -26,7 +26,7 @@ from mrdamper.thermal.settings import SETTINGS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoopWork:
-    """Mean power and peak force of a damper versus temperature, for one motion and one command.
+    """Mean power and peak force versus temperature, for one motion and one command.
 
     Outside the range of temperatures, power and peak force are constant.
     """

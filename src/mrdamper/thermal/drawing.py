@@ -1,4 +1,4 @@
-"""Geometry of a damper for thermal simulation: lengths, materials, fluid, coil, surroundings.
+"""Geometry of a damper for thermal simulation: lengths, materials, surroundings.
 
 Users write the geometry as TOML in millimetres and degC (docs/thermal.md, ``drawing_file``). The fields are
 in metres and kelvin. The damper is axisymmetric. It consists of a tube with a flat cap at each end, a piston
@@ -188,7 +188,7 @@ class Calibration:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DamperDrawing:
-    """Geometry of a damper for thermal simulation; raises InputError if parts do not fit."""
+    """Geometry of a damper; the constructor raises InputError if parts do not fit."""
 
     name: str = "drawing"
     body: Body
@@ -216,7 +216,7 @@ class DamperDrawing:
 
     @property
     def capacity_factor(self) -> float:
-        """Return the correction factor for the heat capacity computed from volumes and materials [-].
+        """Return the factor that corrects the heat capacity of volumes and materials [-].
 
         The factor contains the calibration. If the geometry file states the heat capacity of the whole
         damper, the factor also contains the ratio of stated to computed value. Fins are excluded.
@@ -295,7 +295,7 @@ class DamperDrawing:
 
     @property
     def exchange_conductivity(self) -> float:
-        """Return the conductivity times area [W m/K] of a solid that replaces the pumped fluid.
+        """Return conductivity times area [W m/K] of a solid that replaces the pumped fluid.
 
         The solid conducts as much heat from the middle of the gap to the middle of a chamber as the pumped
         fluid carries. Divide the result by the area of gap or chamber to obtain its axial conductivity.

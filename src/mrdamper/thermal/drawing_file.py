@@ -189,7 +189,7 @@ def _parse(text: str, place: str) -> Json:
 
 
 def _sink_of(document: Json, place: str) -> HeatSink | None:
-    """Return the heat sink in a parsed TOML file; None if it is missing or has no fins."""
+    """Return the heat sink in a parsed TOML file; None if missing or without fins."""
     table = _without_empty_sink(document).get("sink")
     return None if table is None else read_record(_SinkTable, {"sink": table}, place).sink
 

@@ -1,4 +1,4 @@
-"""Load cycles: motion and command of a damper versus time, as segments with a mean power.
+"""Load cycles: motion and command of a damper versus time, divided into segments.
 
 A load cycle is a text or a CSV table. The text ``sine:15mm:1Hz:2A:1800s`` contains motion, command and
 duration. A CSV table has one of these two sets of columns:
@@ -131,7 +131,7 @@ def motion_at_command(text: str) -> tuple[Motion, float, str, float]:
 
 
 def stroke_of(duty: Duty) -> Stroke:
-    """Return a sine motion that displaces as much fluid per time as a load cycle, rests included.
+    """Return a sine motion that moves as much fluid per time as a load cycle with rests.
 
     Each segment is replaced by a sine with equal root mean squares of displacement and velocity. The
     returned amplitude is the mean amplitude of these sines, weighted by the length of their paths.
@@ -187,7 +187,7 @@ def _is_command(text: str) -> bool:
 
 
 def _number(text: str, role: str) -> float:
-    """Return the SI value of a text such as ``2A``; ``role`` is the name of the quantity."""
+    """Return the SI value of a text such as ``2A``; ``role`` names the quantity."""
     digits = len(text) - len(text.lstrip("0123456789.+-eE"))
     # A letter e after the digits can belong to an exponent or to the unit. Therefore several splits into
     # value and unit are tried.

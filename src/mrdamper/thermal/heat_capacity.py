@@ -25,7 +25,7 @@ Coefficients = tuple[float, ...] | None
 
 @dataclass(frozen=True, slots=True)
 class CapacityCurve:
-    """A heat capacity: a polynomial between two temperatures, constant below and above."""
+    """A heat capacity: polynomial between two temperatures, constant below and above."""
 
     low: float  # lowest temperature of the polynomial [K]
     high: float  # highest temperature of the polynomial [K]

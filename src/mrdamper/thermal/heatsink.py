@@ -21,7 +21,7 @@ from mrdamper.thermal.materials import MATERIALS, Material
 
 
 def length_option(key: str, default_help: str = "") -> Option:
-    """Return the declaration of a file entry: a length in millimetres, stored in metres."""
+    """Return the declaration of a length that a file states in millimetres."""
     # A value above 10 000 mm probably has another unit.
     return Option(key=key, unit="mm", above=0.0, most=10_000.0, default_help=default_help)
 

@@ -35,7 +35,7 @@ class Material:
 
     @classmethod
     def __get_pydantic_core_schema__(cls, _source: object, _handler: object) -> Any:  # noqa: ANN401
-        """Return the pydantic schema of a material: files contain only the material's name."""
+        """Return the pydantic schema: a file contains only the name of a material."""
         from pydantic_core import core_schema
 
         return core_schema.no_info_after_validator_function(
@@ -86,7 +86,7 @@ state 20 K more for NBR and 20 K less for PU."""
 
 
 def find_material(name: str, place: str = "") -> Material:
-    """Return a material by name; raise InputError with a similar name if it is unknown."""
+    """Return the material with a name; an InputError suggests a similar name."""
     if name not in MATERIALS:
         raise unknown_name(f"there is no material {name!r}", name, MATERIALS, place)
     return MATERIALS[name]

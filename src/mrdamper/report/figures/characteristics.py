@@ -65,7 +65,7 @@ def peak_velocity_figure(drawn: Sequence[PickPanel], command_unit: str, names: S
 
 
 def card_figure(card: ModelCard) -> Figure:
-    """Return a figure of force versus peak velocity for the damper model of a model card."""
+    """Return a figure of force versus peak velocity of a model card."""
     scope = default_scope(card.damper, card.envelope)
     found = characterise(card.damper, scope)
     panels = [

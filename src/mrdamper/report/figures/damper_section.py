@@ -72,7 +72,7 @@ def dampers_figure(dampers: Sequence[tuple[str, DamperDrawing]]) -> Figure:
 
 
 def field_figure(section: Section, mesh: SectionMesh, celsius: FloatArray) -> Figure:
-    """Return a figure of the temperature field, given temperatures at ``mesh.corners``."""
+    """Return a figure of the temperature field; temperatures are at ``mesh.corners``."""
     r, z = (1e3 * mesh.corners[:, k] for k in (0, 1))
     figure = Figure(figsize=(WIDTH_INCH, 3.6), layout="constrained")
     axes = figure.subplots()

@@ -53,7 +53,7 @@ _PATH_COLOURS: Mapping[str, str] = MappingProxyType(
 
 
 def front_figure(run: HeatsinkResult) -> Figure:
-    """Return a figure of fluid temperature versus mass: Pareto front and reference heat sink."""
+    """Return a figure of fluid temperature versus mass of the fins, with Pareto front."""
     whole, shown, reference = run.found.designs, run.front, run.reference
     limit_K = run.drawing.filling.valid_K[1]
     figure = Figure(figsize=(WIDTH_INCH, 3.9))
@@ -145,7 +145,7 @@ def _panel_end(rise: Rise, interval: PredictionInterval | None) -> float:
 
 
 def _outlook(rise: Rise, interval: PredictionInterval) -> Line:
-    """Return the 90 % band of the fluid temperature; the legend states the final interval."""
+    """Return the 90 % band of the fluid temperature. The legend has its final values."""
     below, above = interval.low - ZERO_CELSIUS_K, interval.high - ZERO_CELSIUS_K
     low, high = (float(np.interp(rise.time[-1], interval.time, edge)) for edge in (below, above))
     label = f"fluid {low:.0f} to {high:.0f} °C with {100.0 * interval.probability:.0f} %"

@@ -45,7 +45,7 @@ def errors_figure(errors: Sequence[RunError]) -> Figure:
 def interval_figure(
     forces: Sequence[ForceInterval], coefficients: Sequence[CoefficientInterval], command_unit: str
 ) -> Figure:
-    """Return a figure of the 90 % intervals of forces, and of coefficients versus current."""
+    """Return a figure of the 90 % intervals of forces and coefficients."""
     drawn = [
         Panel(
             f"{each.name}: force, N",

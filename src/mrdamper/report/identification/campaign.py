@@ -1,4 +1,4 @@
-"""A fit with its runs, grouped by motion, temperature and current for the sections of the report.
+"""A fit with its runs, grouped by motion, temperature and current for a report.
 
 If the runs have several temperatures, a run belongs to the group with the nearest temperature, otherwise to
 the group with the nearest current. Errors of a group are pooled. Peak forces are measured values.
@@ -65,7 +65,7 @@ def pooled_rms(errors: Sequence[RunError]) -> float:
 
 
 def main_sine(errors: Sequence[RunError], levels: OperatingPoints) -> str | None:
-    """Return the label of the sine that was measured at the most temperatures and currents.
+    """Return the label of the sine with the most pairs of temperature and current.
 
     If there are several such sines, the sine with the longest stroke is returned; None without a sine.
     """

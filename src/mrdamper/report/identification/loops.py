@@ -50,7 +50,7 @@ def loop_pictures(campaign: Campaign) -> list[Picture]:
 
 
 def _over_levels(campaign: Campaign, motion: str, command: float | None) -> list[Drawn]:
-    """Return one run for each temperature, with the current ``command`` or with current steps."""
+    """Return one run for each temperature, with a given current or with current steps."""
     picked = [
         (level, campaign.find_run(motion, level, command) or campaign.find_run(motion, level, None))
         for level in pick_evenly(campaign.levels.values, PANEL_COLUMNS_MAX)
@@ -118,7 +118,7 @@ def _loops(campaign: Campaign, drawn: Sequence[Drawn], names: Sequence[str] = LO
 
 
 def residual_figure(campaign: Campaign) -> Figure:
-    """Return a figure of measured minus modelled force versus velocity, coloured by current.
+    """Return a figure of measured minus modelled force versus velocity.
 
     There is a panel of the main motion for each temperature. If all runs have the same temperature, there is
     a panel for each motion.

@@ -1,4 +1,4 @@
-"""Tables of a fit: coefficients, correlations, errors, candidates of the selection."""
+"""Tables of a fit: coefficients, correlations, errors, model selection."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def best_candidates(selection: Selection, count_max: int) -> Table[CandidateScor
 
 
 def subset_sentence(selection: Selection) -> str:
-    """Return a sentence on the error with the samples of the selection and with all samples."""
+    """Return a sentence that compares the errors on selected and on all samples."""
     if not selection.is_subset:
         return f"The selection used all {selection.sample_count} samples."
     return (

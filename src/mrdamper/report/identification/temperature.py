@@ -38,7 +38,7 @@ class Warmth:
 
 
 def temperature_section(campaign: Campaign) -> Warmth | None:
-    """Return the section on temperature; None for a damper model that ignores temperature."""
+    """Return the section on temperature; None if the damper model ignores temperature."""
     damper = campaign.fitted.damper
     if not damper.temperature_dependent:
         return None
@@ -185,7 +185,10 @@ def characteristics_section(campaign: Campaign) -> Characteristics:
 
 
 def _is_tested(campaign: Campaign, temperature: float | None) -> bool:
-    """Return True if the training runs include, or nearly include, a temperature [K]."""
+    """Return True if a temperature [K] is in or near the range of the training runs.
+
+    Runs without a measured temperature count as 20 degC.
+    """
     tested_distance_max_K = 5.0  # max distance from the range of tested temperatures
     tested = envelope_of(campaign.fitted.training).temperature or (REFERENCE_K, REFERENCE_K)
     return (
@@ -197,7 +200,7 @@ def _is_tested(campaign: Campaign, temperature: float | None) -> bool:
 def _picks(
     campaign: Campaign, commands: Sequence[float], temperature: float | None
 ) -> dict[float, list[Point]]:
-    """Return measured forces at peak velocity of the runs at a temperature, by current."""
+    """Return the measured forces at peak velocity at a temperature, by current."""
     found: dict[float, list[Point]] = {}
     if not campaign.warm and not _is_tested(campaign, temperature):
         return found

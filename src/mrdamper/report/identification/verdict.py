@@ -1,4 +1,4 @@
-"""Sentences that judge a fit: convergence, errors of runs, expected error of new runs."""
+"""Sentences that judge a fit: convergence, errors, expected error of new runs."""
 
 from __future__ import annotations
 

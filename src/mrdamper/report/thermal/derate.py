@@ -1,4 +1,4 @@
-"""Output of the command ``derate``: tables of the permissible load, page, CSV, C header."""
+"""Output of the command ``derate``: tables of the permissible load, C header."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _cell(found: DerateResult, d: int, w: int, a: int) -> str:
 
 
 def _summary(found: DerateResult) -> list[str]:
-    """Return a line on all ambient conditions, and a line on the most severe condition."""
+    """Return a line on all ambient conditions, and a line on the most severe one."""
     steady = found.largest[-1]
     allowed = int((steady >= found.whole * (1.0 - 1e-9)).sum())
     return [
@@ -86,7 +86,7 @@ def _show(found: DerateResult, console: Console) -> None:
 
 
 def _figure(found: DerateResult) -> Figure:
-    """Return a figure of the permissible load versus ambient temperature and air speed."""
+    """Return a figure of the permissible load versus temperature and speed of the air."""
     figure, table = panels(len(found.duration_min), 5, gap=0.12, height=1.9, share="all")
     for axes, minutes, largest in zip(table, found.duration_min, found.largest, strict=True):
         axes.imshow(largest, origin="lower", aspect="auto", cmap="YlGnBu", vmin=0.0, vmax=2.0 * found.whole)
@@ -125,7 +125,7 @@ def _in_c(values: FloatArray) -> str:
 
 
 def _header(found: DerateResult) -> str:
-    """Return the lower bounds of the permissible load as a C header; 0: no load is permissible."""
+    """Return the lower bounds of the permissible load as a C header; 0: no load."""
     axes = {
         "ambient_degC": found.ambient_degC,
         "air_m_s": found.air_m_s,

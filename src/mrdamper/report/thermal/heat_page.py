@@ -93,7 +93,7 @@ def _caption(run: HeatResult) -> str:
 
 
 def temperature_flags(card: ModelCard) -> list[tuple[str, str]]:
-    """Return a warning if the damper model ignores temperature or its dependence is assumed."""
+    """Return a warning if the temperature dependence is missing or was assumed."""
     if card.damper.temperature_dependent:
         return assumption_flags(card.damper)
     return [("The card has no temperature model", "Force and mechanical power do not depend on temperature")]
@@ -157,7 +157,7 @@ def end_band(rise: Rise, interval: PredictionInterval | None, unit: str = "°C")
 
 
 def _field_figure(rise: Rise) -> Figure | None:
-    """Return a figure of the final temperature field; None if the thermal model is a network."""
+    """Return a figure of the final temperature field; None for a network."""
     reduced, heating = rise.field, rise.heating
     if reduced is None or not isinstance(heating, FieldHeating):
         return None

@@ -1,4 +1,4 @@
-"""Output of the command ``heatsink``: best fins, compared with a reference heat sink."""
+"""Output of the command ``heatsink``: best fins compared with a reference."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _first(run: HeatsinkResult) -> FirstScreen:
 
 
 def _verdict(run: HeatsinkResult) -> list[str]:
-    """Return sentences on the best heat sink and its temperature compared with the reference."""
+    """Return sentences that compare the best heat sink with the reference."""
     assert run.best.sink is not None  # All designs of a search have sinks.
     lines = [
         f"Best heat sink: {sink_in_words(run.best.sink)}.",
@@ -85,7 +85,7 @@ def _reference(run: HeatsinkResult) -> str:
 
 
 def _lightest(run: HeatsinkResult) -> SinkDesign | None:
-    """Return the lightest sink that is as cool as the reference; None if it is the best."""
+    """Return the lightest sink that is as cool as the reference, unless it is the best."""
     return None if run.reference.sink is None or run.lightest is run.best else run.lightest
 
 
@@ -108,7 +108,7 @@ def _method(run: HeatsinkResult) -> str:
 
 
 def _designs(run: HeatsinkResult) -> list[tuple[str, SinkDesign]]:
-    """Return the designs of the table, each with a label: bare, reference, coolest, or none."""
+    """Return the designs of the table with labels such as "reference" or without label."""
     labelled = [
         ("bare", run.bare),
         *([("reference", run.reference)] if run.reference.sink is not None else []),
@@ -224,7 +224,7 @@ def _rows(run: HeatsinkResult) -> list[Json]:
 
 
 def _study(sweeps: tuple[Sweep, Sweep]) -> Json:
-    """Return the parameter studies of the reference paper: width and number of the fins."""
+    """Return the parameter studies of width and number of fins (reference paper)."""
     study: Json = {"formula": EFFICIENCY_FORMULA, "follows_paper": {}}
     for name, sweep in zip(("width", "fins"), sweeps, strict=True):
         study["follows_paper"][name] = sweep.follows_paper

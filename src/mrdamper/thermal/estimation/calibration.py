@@ -79,7 +79,7 @@ class CalibratedDrawing:
 
     @property
     def heat_capacity_error(self) -> float:
-        """Standard error of the heat-capacity factor, if the computed mechanical power is exact."""
+        """Standard error of the heat-capacity factor, if the computed power is exact."""
         return self.heat_capacity * math.sqrt(self.covariance[1, 1])
 
     @property
@@ -220,7 +220,7 @@ class _NetworkFit:
         return build_network(with_factors(self._drawing, math.exp(at[1]), math.exp(at[2])), self._model)
 
     def _logarithms(self, network: ThermalNetwork) -> FloatArray:
-        """Return the logarithms of heat capacity and heat loss, which are compared with the priors."""
+        """Return the logarithms of heat capacity and heat loss, for which priors exist."""
         warm = network.ambient + SETTINGS.reference_excess_K
         lost = sum(float(np.interp(warm, network.grid, row)) for row in network.watts)
         return np.log([network.total_capacity, max(lost, 1e-300)])
@@ -253,7 +253,7 @@ class _NetworkFit:
 def _model_minus_network(
     found: CalibratedDrawing, works: Sequence[LoopWork], duty: Duty, model: Model
 ) -> FloatArray:
-    """Simulate the thermometer with ``model`` and with the network; return the difference [K].
+    """Return the thermometer temperature of ``model`` minus that of the network [K].
 
     The result has one value for each time of the measured curve.
     """

@@ -139,7 +139,7 @@ def _quadratic_nodes(mesh: SectionMesh) -> tuple[FloatArray, IntArray]:
 
 
 def _reference() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return integrals of shape functions over a triangle of unit area, in three arrays.
+    """Return three arrays of integrals of shape functions over a unit triangle.
 
     The integrands are the shape functions, shape (6, 3); products of two shape functions, shape (36, 3); and
     products of two derivatives of shape functions, shape (3, 3, 36, 3). The last axis is for the factor in
@@ -259,7 +259,7 @@ def cooling_in(model: FieldModel, surroundings: Surroundings, *, reference: floa
 
 
 def _cooling(section: Section, which: IntArray, reference: float) -> Cooling:
-    """Return the cooling of points; ``which`` are their indices in ``section.surfaces``."""
+    """Return the cooling of points; ``which``: their indices in ``section.surfaces``."""
     surfaces = section.surfaces
     return Cooling(
         section.ambient,

@@ -131,7 +131,10 @@ class Cooling:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HotSpots:
-    """Matrices (m, n) from n unknowns to temperatures of m possible hot spots of a part."""
+    """Three matrices of shape (m, n) that return temperatures of a part for n unknowns.
+
+    Each row is for one of m points that can be the hottest point of the part.
+    """
 
     gap: Matrix
     coil: Matrix
@@ -372,7 +375,7 @@ class FieldSystem:
         return np.concatenate([warming, here.flow])
 
     def inertia(self, rate: FloatArray) -> FloatArray:
-        """Return M times a derivative of the unknowns, then the derivatives of the energies."""
+        """Return M times a derivative of the unknowns, then derivatives of the energies."""
         return np.concatenate([self._mass @ rate[: self.nodes], rate[self.nodes :]])
 
     def balance(self, before: FloatArray, after: FloatArray) -> FloatArray:
@@ -393,7 +396,10 @@ class FieldSystem:
         return found
 
     def linearise(self, state: FloatArray, shrunk: float) -> tuple[FloatArray, Solver]:
-        """Return the right-hand side, and the solver of (M - ``shrunk`` J) x = b, J: Jacobian."""
+        """Return the right-hand side, and the solver of (M - ``shrunk`` J) x = b.
+
+        ``shrunk`` is gamma times the time step [s], as in ``stepping.System``. J is the Jacobian.
+        """
         n = self.nodes
         here = self.evaluate(state[:n])
         self._mass = self.equation.mass_at(state[:n])
@@ -425,7 +431,10 @@ class FieldSystem:
         return np.concatenate([lost, gained])
 
     def solver(self, here: _Here, shrunk: float, inertia: float) -> Solver:
-        """Return the solver of (``inertia`` M - ``shrunk`` J) x = b with the Jacobian J."""
+        """Return the solver of (``inertia`` M - ``shrunk`` J) x = b with the Jacobian J.
+
+        ``inertia`` is 1 for a time step and 0 for the steady state.
+        """
         e = self.equation
         weight = e.area * here.slopes.sum(axis=0)
         bend = shrunk * here.power_slope

@@ -112,7 +112,7 @@ def mesh_section(section: Section, size: float = 0.008, *, levels: int = 3) -> S
     across = len(heights)
     low_in, low_out = i * across + j, (i + 1) * across + j
     high_in, high_out = low_in + 1, low_out + 1
-    # Above the middle of the section, the diagonals have the opposite direction. Then a symmetric section
+    # The diagonals above the middle of the section have the opposite direction. Then a symmetric section
     # has a symmetric mesh.
     rising = heights[j] + heights[j + 1] < heights[0] + heights[-1]
     first = np.where(rising, [low_in, low_out, high_out], [low_in, low_out, high_in]).T
@@ -136,7 +136,7 @@ class _Triangles:
         self.facets, self.surface = facets, surface
 
     def cut_around(self, corner: int) -> None:
-        """Cut all sides that meet in a node, and divide each triangle at this node into three."""
+        """Cut all sides that meet in a node, and divide each triangle there into three."""
         at, place = np.nonzero(self.triangles == corner)
         ring = self.triangles[at]
         a, b = ring[np.arange(len(at)), (place + 1) % 3], ring[np.arange(len(at)), (place + 2) % 3]
@@ -187,7 +187,7 @@ class _Triangles:
 
 
 def _corners(region: IntArray) -> list[int]:
-    """Return the grid nodes at corners of regions, except convex corners of the outline.
+    """Return the grid nodes at corners of regions, without convex outer corners.
 
     A node is followed by its mirror image, so that the refinement of a symmetric grid is symmetric.
     """
@@ -202,7 +202,7 @@ def _corners(region: IntArray) -> list[int]:
 
 
 def _lines(sides: list[float], size: float, share_at: Callable[[float], float]) -> FloatArray:
-    """Return the positions of grid lines: the sides of blocks, and lines between the sides.
+    """Return the positions of grid lines at the sides of blocks and between the sides.
 
     The lines between two sides divide the distance into cells, which grow from the sides towards the middle.
     The cells next to a side are limited to a fraction of the distance. ``share_at`` returns this fraction for
@@ -227,7 +227,7 @@ def _lines(sides: list[float], size: float, share_at: Callable[[float], float]) 
 
 
 def _cells(lines: FloatArray, low: float, high: float) -> slice:
-    """Return the slice of the grid cells between the positions of two sides of a block."""
+    """Return the slice of the grid cells between two sides of a block."""
     return slice(_line(lines, low), _line(lines, high))
 
 

@@ -336,7 +336,7 @@ def _add_fins(parts: _Parts, losses: _Losses, drawing: DamperDrawing, sink: Heat
 
 
 def fin_root_conductance(drawing: DamperDrawing, sink: HeatSink) -> float:
-    """Return the conductance between the body and the node of one fin [W/K], including the contact.
+    """Return the conductance between body and node of one fin [W/K], with contact.
 
     The node has the mean temperature of the fin. The conduction in the fin is h A eta / (1 - eta) with the
     heat-transfer coefficient h, the area A and the efficiency eta. With this conductance, the steady-state
@@ -369,7 +369,7 @@ def _zone_edges(drawing: DamperDrawing) -> tuple[float, float, float, float]:
 
 
 def _covered(sink: HeatSink, body_length: float, low: float, high: float) -> tuple[float, float]:
-    """Return length under the heat sink and length of its gaps, from ``low`` to ``high`` [m]."""
+    """Return lengths of the body [m]: under the heat sink, and in gaps between fins."""
     centres, half = sink.centres(body_length), 0.5 * sink.thickness
 
     def overlap(start: FloatArray, stop: FloatArray) -> float:

@@ -1,4 +1,4 @@
-"""Reduced-order models with about twenty unknowns, made from finite-element models.
+"""Thermal models with about twenty unknowns, made from finite-element models.
 
 The heat equation is projected onto a rational Krylov space of temperature fields. One of these fields is
 uniform, so that heat is conserved. The other fields are responses of the linearised heat equation: solutions
@@ -118,7 +118,7 @@ def _responses(equation: HeatEquation, kinds: IntArray) -> FloatArray:
 
 
 def _space(equation: HeatEquation, fields: FloatArray, order: int) -> FloatArray:
-    """Return a mass-orthonormal basis of the responses, shape (nodes, at most ``order``).
+    """Return a mass-orthonormal basis of the responses, with at most ``order`` columns.
 
     The first column is a uniform temperature. The remaining columns are the dominant principal components.
     """

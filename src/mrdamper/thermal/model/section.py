@@ -1,4 +1,4 @@
-"""The meridian section of a damper: rectangles of material, and edges that lose heat.
+"""Meridian section of a damper: rectangles of material, and edges that lose heat.
 
 The section defines the heat conduction problem without a mesh, for the finite elements of the package and for
 other programs in ``cross_check``. ``section_of`` creates a section from a geometry.
@@ -43,7 +43,7 @@ class Region:
 
     @property
     def part(self) -> str:
-        """Return the part (body, fluid, ...) whose mean temperature sets the heat capacity."""
+        """Return the part, such as fluid, whose mean temperature sets the heat capacity."""
         return {"gap": "fluid", "chamber": "fluid", "fins": "fins"}.get(self.role, self.name)
 
 
@@ -126,7 +126,7 @@ class Section:
 
 
 def section_of(drawing: DamperDrawing) -> Section:
-    """Return the meridian section of a geometry. Its ``films`` include the calibration."""
+    """Return the meridian section of a geometry, with calibrated ``films``."""
     regions, blocks = _insides(drawing)
     around, sink = drawing.surroundings, drawing.sink
     grid = loss_grid(around.ambient)

@@ -227,7 +227,7 @@ class EnergyAccount(ABC):
 
     @property
     def energy_J(self) -> Mapping[str, float]:
-        """Return energies by name: mechanical, coil, out (all losses), stored, each loss path."""
+        """Return energies by name: mechanical, coil, out (losses), stored, loss paths."""
         last = self.energy[-1]
         found = {
             "mechanical": float(last[-2]),

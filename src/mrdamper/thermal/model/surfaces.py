@@ -178,14 +178,14 @@ def _forced_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLike
 
 
 def _gap(drawing: DamperDrawing, sink: HeatSink, tip: float) -> float:
-    """Return the gap between fins minus tolerance and fouling [m]; one fin: its diameter."""
+    """Return the gap minus tolerance and fouling [m]; for one fin: its diameter."""
     return sink.gap - drawing.manufacture.closing if sink.fins > 1 else 2.0 * tip
 
 
 def _over_temperature(
     films: Callable[[FloatArray], list[FloatArray]], surface_K: ArrayLike
 ) -> list[FloatArray]:
-    """Return heat-transfer coefficients at many temperatures by Chebyshev interpolation.
+    """Return coefficients at many temperatures by Chebyshev interpolation.
 
     The function ``films`` computes the coefficients at 12 temperatures. The relative error of the
     interpolation is below 1e-6 because forced convection is smooth in temperature.
@@ -205,7 +205,7 @@ def _over_temperature(
 
 
 def fin_uncertainty(drawing: DamperDrawing) -> float:
-    """Return the half width of the 90 % interval of ``fin_film``, divided by ``fin_film``."""
+    """Return the half width of the 90 % interval of ``fin_film`` / ``fin_film``."""
     sink, diameter = _sink(drawing), drawing.body.outer_diameter
     tip, speed = sink.tip_radius(diameter), drawing.surroundings.air_speed
     share = sink.thickness * tip / (tip**2 - 0.25 * diameter**2 + sink.thickness * tip)

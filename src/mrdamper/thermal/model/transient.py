@@ -138,7 +138,7 @@ class NetworkSystem:
         self._cubics[:, 3, -1] = load.coil_W * (1.0 + COPPER_PER_K * (knots - REFERENCE_K))
 
     def _look_up(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return coefficients and arguments [K] of the cubic polynomials of losses and sources."""
+        """Return coefficients and arguments [K] of polynomials for losses and sources."""
         at = (nodes @ self._seen.T - self._low) / self._width
         place = at.astype(np.intp)
         if not (at.min() >= 0.0 and at.max() < len(self._cubics)):
@@ -178,7 +178,10 @@ class NetworkSystem:
         return rate
 
     def linearise(self, state: FloatArray, shrunk: float) -> tuple[FloatArray, Solver]:
-        """Return the time derivative, and the solver of (1 - ``shrunk`` J) x = b, J: Jacobian."""
+        """Return the time derivative, and the solver of (1 - ``shrunk`` J) x = b.
+
+        ``shrunk`` is gamma times the time step [s], as in ``stepping.System``. J is the Jacobian.
+        """
         n = self.nodes
         rate, slope, jacobian = self._expand(state[:n])
         factors, pivots, _ = dgetrf(self._unit - shrunk * jacobian, overwrite_a=True)

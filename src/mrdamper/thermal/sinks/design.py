@@ -240,7 +240,7 @@ def _grid(pattern: HeatSink, limits: SinkLimits) -> Iterator[HeatSink]:
 
 
 def _pitches(fins: int, width: float, thickness: float, limits: SinkLimits) -> list[float]:
-    """Return the fin pitches of the grid for a number of fins, rounded to the grid step [m]."""
+    """Return the fin pitches of the search grid for a number of fins [m]."""
     least = thickness + limits.least_gap
     if fins == 1:
         return [least]
@@ -263,7 +263,7 @@ def front_of(designs: Sequence[SinkDesign]) -> tuple[SinkDesign, ...]:
 
 
 def thinned(front: Sequence[SinkDesign], most: int) -> tuple[SinkDesign, ...]:
-    """Return at most ``most`` designs of a Pareto front, with similar temperature steps.
+    """Return at most ``most`` designs of a Pareto front, about evenly in temperature.
 
     The first and the last design are always included. ``most`` is at least 2.
     """
@@ -276,7 +276,7 @@ def thinned(front: Sequence[SinkDesign], most: int) -> tuple[SinkDesign, ...]:
 
 
 def lightest_as_cool(front: Sequence[SinkDesign], fluid: float) -> SinkDesign | None:
-    """Return the lightest design with a fluid temperature up to ``fluid`` [K], or None."""
+    """Return the lightest design with a fluid temperature up to ``fluid`` [K]."""
     return next((design for design in front if design.fluid <= fluid), None)
 
 

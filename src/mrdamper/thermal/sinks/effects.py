@@ -1,4 +1,4 @@
-"""Effect of a heat sink: heat dissipation efficiency, and gain relative to another heat sink.
+"""Effect of a heat sink: efficiency, and gain relative to another heat sink.
 
 The reference paper judges heat sinks by a "heat dissipation efficiency", but its Eq. (10) is not legible in
 the available copy. According to the text, the efficiency has a maximum at a fin width of 23 mm. With three,
