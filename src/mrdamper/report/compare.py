@@ -1,4 +1,4 @@
-"""Output of the command ``compare``: JSON, tables, force-velocity curves of a page."""
+"""Output of the command ``compare``: differences of two dampers."""
 
 from __future__ import annotations
 

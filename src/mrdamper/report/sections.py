@@ -180,10 +180,10 @@ def terminal_table(
     Parameters
     ----------
     rows : cells of each row; None draws a line between two groups
-    left : titles of columns with words, which are aligned to the left and have wrapped cells
+    left : titles of columns with words, which are aligned to the left; their cells may be wrapped
     whole : True if cells are never wrapped
     """
-    name_length_max = 24  # Columns of words without longer cells are not wrapped.
+    name_length_max = 24  # A column of words is wrapped only if a cell is longer.
     table = RichTable(title=escape(title))
     names, cell_rows = list(columns), [None if row is None else list(row) for row in rows]
     for k, name in enumerate(names):

@@ -198,7 +198,7 @@ def _best(run: TrackResult, target: str) -> Row:
 
 
 def _feasible(score: Score) -> float:
-    """Return the RMS error while the target is attainable [N]; never: of all samples."""
+    """Return the RMS error [N] of samples with attainable target; if none, of all."""
     return score.rmse_N if score.rmse_feasible_N is None else score.rmse_feasible_N
 
 

@@ -95,10 +95,10 @@ class CompactModel:
     fluid: FloatArray  # weights of the states in the mean fluid temperature, shape (n,)
     coil: FloatArray  # weights of the states in the mean coil temperature, shape (n,)
     spots: FloatArray  # weights of the states in the temperatures of 3 points of each part, shape (3, 3, n)
-    # Temperature rise that the states omit, per watt of mechanical power and per watt of coil heat [K/W].
-    fluid_feedthrough: FloatArray  # omitted rise of the mean fluid temperature, shape (2,)
-    coil_feedthrough: FloatArray  # omitted rise of the mean coil temperature, shape (2,)
-    spots_feedthrough: FloatArray  # omitted rise at the points of ``spots``, shape (3, 3, 2)
+    # Temperature rise of the omitted modes, per watt of mechanical power and per watt of coil heat
+    fluid_feedthrough: FloatArray  # rise of the mean fluid temperature by omitted modes [K/W], shape (2,)
+    coil_feedthrough: FloatArray  # rise of the mean coil temperature by omitted modes [K/W], shape (2,)
+    spots_feedthrough: FloatArray  # rise by omitted modes at the points of ``spots`` [K/W], shape (3, 3, 2)
     limits: FloatArray  # temperature limits of gap, coil and seals [K], shape (3,)
     resistance: float  # coil resistance at 20 degC [ohm]
     air_speed: float  # default air speed [m/s]
@@ -322,7 +322,7 @@ def typical_power(model: CompactModel) -> float:
 
 
 def sensor_gains(model: CompactModel, step: float = UPDATE_S) -> FloatArray:
-    """Return the Kalman gains of two sensors for n states and the missing heat, shape (2, n + 1).
+    """Return the Kalman gains of two sensors for n states and missing heat, (2, n + 1).
 
     A gain is the correction of a state [K/K] or of the missing heat [W/K], divided by the difference between
     sensor and model. Row 0 is for the fluid thermometer. Row 1 is for the coil temperature, which is computed

@@ -1,6 +1,6 @@
 """Derating: find the largest load at which no part exceeds its temperature limit.
 
-The load is reduced by a lower current, stroke or duty ratio, the fraction of time in operation.
+The load is reduced by reducing the current, the stroke or the duty ratio (fraction of time in operation).
 
 The result is a table with the axes ambient temperature, air speed and duration. A single reduced thermal
 model is sufficient for the table, because only heat-transfer coefficients and ambient temperature vary. Its
@@ -67,8 +67,8 @@ class Conditions:
 class Derating:
     """Largest permissible fraction of current, stroke or duty ratio.
 
-    The axes are duration, air speed and ambient temperature. NaN means that even the fraction 0 exceeds a
-    temperature limit.
+    The arrays have the axes duration, air speed and ambient temperature, shape (d, w, a). NaN means that even
+    the fraction 0 exceeds a temperature limit.
     """
 
     quantity: Quantity
@@ -189,7 +189,7 @@ def _rise(equation: HeatEquation, load: Load, duration: FloatArray, parts: Seque
 
 
 def _rise_factors(drawing: DamperDrawing, load: Load, air: float, conditions: Conditions) -> FloatArray:
-    """Return the bounds of the 90 % interval of the rise / predicted rise."""
+    """Return the bounds of the 90 % interval of temperature rise / predicted rise."""
     ambient = float(np.median(conditions.ambient))
     around = replace(drawing.surroundings, ambient=ambient, air_speed=air)
     ends = np.where(np.isfinite(conditions.duration), conditions.duration, SETTINGS.map_steady_time_s)
@@ -200,7 +200,7 @@ def _rise_factors(drawing: DamperDrawing, load: Load, air: float, conditions: Co
 def _largest(
     rise: FloatArray, limits: Sequence[Limit], ambient: float, factors: FloatArray
 ) -> tuple[float, float, float, float]:
-    """Return the largest permissible fraction, its bounds, and the index of the limit.
+    """Return the largest permissible fraction, its bounds, and the index of its limit.
 
     Parameters
     ----------

@@ -216,7 +216,7 @@ class DamperDrawing:
 
     @property
     def capacity_factor(self) -> float:
-        """Return the factor that corrects the heat capacity of volumes and materials [-].
+        """Return the correction factor of the heat capacity from volumes and materials.
 
         The factor contains the calibration. If the geometry file states the heat capacity of the whole
         damper, the factor also contains the ratio of stated to computed value. Fins are excluded.
@@ -244,7 +244,7 @@ class DamperDrawing:
         return math.fsum(of.volumetric_heat * volume for of, volume in heats)
 
     def capacity_growth(self, part: str) -> CapacityCurve | None:
-        """Return the heat capacity of a part divided by its mean; None if constant."""
+        """Return the curve heat capacity / mean heat capacity of a part; None if constant."""
         if self.heat_capacity is None:
             return None
         parts = self.heat_capacity.parts
@@ -295,7 +295,7 @@ class DamperDrawing:
 
     @property
     def exchange_conductivity(self) -> float:
-        """Return conductivity times area [W m/K] of a solid that replaces the pumped fluid.
+        """Return conductivity times area [W m/K] of a solid that acts like pumped fluid.
 
         The solid conducts as much heat from the middle of the gap to the middle of a chamber as the pumped
         fluid carries. Divide the result by the area of gap or chamber to obtain its axial conductivity.
@@ -304,7 +304,7 @@ class DamperDrawing:
 
 
 def filling_of(fluid: Fluid, given: Mapping[str, float] = _NOTHING) -> Filling:
-    """Return the thermal properties of a fluid, replaced by those in ``given``.
+    """Return the thermal properties of a fluid; entries of ``given`` replace them.
 
     If the conductivity is missing, it is computed by Maxwell's formula for well-conducting spheres in oil.
     The oil has a conductivity of 0.14 W/(m K).

@@ -131,10 +131,11 @@ def motion_at_command(text: str) -> tuple[Motion, float, str, float]:
 
 
 def stroke_of(duty: Duty) -> Stroke:
-    """Return a sine motion that moves as much fluid per time as a load cycle with rests.
+    """Return the sine motion that moves as much fluid per time as a load cycle.
 
     Each segment is replaced by a sine with equal root mean squares of displacement and velocity. The
-    returned amplitude is the mean amplitude of these sines, weighted by the length of their paths.
+    returned amplitude is the mean amplitude of these sines, weighted by the length of their paths. Rests of
+    the load cycle reduce the returned frequency.
     """
     path, gone = 0.0, 0.0
     for each in duty.segments:
@@ -151,7 +152,7 @@ def stroke_of(duty: Duty) -> Stroke:
 
 
 def segment_of(motion: Motion, command: float, duration: float) -> Segment:
-    """Return a segment with a motion at a constant command [A or V] for a duration [s].
+    """Return a segment with a motion at constant command [A or V] for a duration [s].
 
     The power of a periodic motion is computed from its third period, which has at least 1000 samples. For
     any other motion, the power is computed from its first two minutes. Their first 5 % are ignored.

@@ -27,7 +27,7 @@ class ThermalSettings:
 
     # Derating: table of the permissible load
     map_model_order: int = 24  # number of unknowns of the reduced thermal model
-    map_steady_time_s: float = 4.0 * 3600.0  # The steady state has the uncertainty of this time.
+    map_steady_time_s: float = 4.0 * 3600.0  # time of the 90 % interval that is used for the steady state
     map_step_max_s: float = 120.0
     map_first_step_s: float = 5.0
 
@@ -41,7 +41,7 @@ class ThermalSettings:
     source_model_order: int = 40  # unknowns of the reduced model from which the compact model is computed
     basis_air_speeds_m_s: tuple[float, ...] = (0.0, 3.0)  # air speeds for which the modes are computed
     typical_rise_K: float = 60.0  # rise above ambient at which heat transfer is linearised
-    # The hottest points are searched in temperature fields that grow exponentially at these rates.
+    # The hottest points of temperature fields that grow exponentially at these rates are selected.
     spot_rates_1_s: tuple[float, ...] = (0.0, 3e-3, 3e-2)
     # Weights of the inputs and outputs in the Gramian
     mechanical_weight_W: float = 100.0
@@ -98,7 +98,7 @@ class ThermalSettings:
     sink_grid_m: float = 1e-4  # Pitches and widths are whole tenths of a millimetre.
     fin_gap_max_widths: float = 2.0  # max gap between two fins / radial width of the fins
     # Half widths of 90 % intervals
-    gap_exponent_error: float = 0.12  # error of an exponent n; heat-transfer coefficient of fins ~ gap^n
+    gap_exponent_error: float = 0.12  # error of n, if the coefficient of fins is proportional to gap^n
     body_film_error: float = 0.15  # relative error of the heat-transfer coefficient of the body
     sink_power_error: float = 0.165  # relative error of the mechanical power: 1.645 times 10 %
 

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 
 from mrdamper.thermal.settings import SETTINGS
 
-# Viscosity 0.1 Pa s, heat capacity 800 J/(kg K), conductivity 0.3 W/(m K). Results hardly depend on it.
+# Viscosity 0.1 Pa s, heat capacity 800 J/(kg K), conductivity 0.3 W/(m K). Results hardly depend on Pr.
 MR_FLUID_PRANDTL = 300.0
 
 

@@ -278,7 +278,7 @@ def _coil_heat(drawing: DamperDrawing, unit: str, command: float) -> float:
 def _fade(
     works: Sequence[LoopWork], duty: Duty, fluid: FloatArray, time: FloatArray
 ) -> tuple[FloatArray, float | None]:
-    """Return the peak force versus time [N], and its final loss since 20 degC [%]."""
+    """Return peak force versus time [N], and its final loss relative to 20 degC [%]."""
     ends = np.cumsum([segment.duration for segment in duty.segments])
     which = np.minimum(np.searchsorted(ends - 1e-9, time), len(works) - 1)
     peak = np.full(len(fluid), np.nan)

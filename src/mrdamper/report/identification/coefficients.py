@@ -61,7 +61,7 @@ def coefficient_figure(campaign: Campaign) -> Figure | None:
 def _band(
     fitted: Identification, name: str, form: ParameterLaw, command: FloatArray, kelvin: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Return a coefficient minus and plus its standard error; None if it was not fitted.
+    """Return a coefficient minus and plus its standard error; None if not fitted.
 
     The standard error of a parameter at a bound counts as zero.
     """

@@ -26,7 +26,7 @@ def by_split(errors: Iterable[RunError]) -> dict[str, dict[str, float]]:
 
 
 def summaries(errors: Iterable[RunError]) -> Json:
-    """Return the statistics of ``by_split`` with the unit and error name in every key."""
+    """Return the statistics of ``by_split``, keys such as ``median_nrmse_percent``."""
     return {
         split: {f"{name}_nrmse_percent": value for name, value in values.items()}
         for split, values in by_split(errors).items()

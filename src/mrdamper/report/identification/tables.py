@@ -124,7 +124,10 @@ def best_candidates(selection: Selection, count_max: int) -> Table[CandidateScor
 
 
 def subset_sentence(selection: Selection) -> str:
-    """Return a sentence that compares the errors on selected and on all samples."""
+    """Return a sentence with two errors of the selected candidate.
+
+    The errors refer to the samples of the model selection, and to all samples of the runs.
+    """
     if not selection.is_subset:
         return f"The selection used all {selection.sample_count} samples."
     return (

@@ -54,7 +54,7 @@ def temperature_section(campaign: Campaign) -> Warmth | None:
     else:
         low, high = damper.temperature_range or (REFERENCE_K, REFERENCE_K + 100.0)
         reference = float(np.clip(REFERENCE_K, low, high))
-    count = 25 if damper.law.kernel is not None else 4  # Models without compiled code are slow.
+    count = 25 if damper.law.kernel is not None else 4  # Hysteresis models without compiled code are slow.
     grid = np.linspace(low, high, count)
     drawn: tuple[list[Line], list[Line], list[Line]] = ([], [], [])
     ends = []
@@ -86,7 +86,7 @@ def temperature_section(campaign: Campaign) -> Warmth | None:
 def _measurements(
     campaign: Campaign, command: float, reference: float
 ) -> tuple[tuple[Point, ...], tuple[Point, ...], tuple[Point, ...]]:
-    """Return measured peak force [N], force loss [%] and energy per cycle [J]."""
+    """Return measured points of peak force [N], force loss [%], energy per cycle [J]."""
     if not campaign.warm or campaign.main is None:
         return (), (), ()
     runs = [(level, campaign.find_run(campaign.main, level, command)) for level in campaign.levels.values]

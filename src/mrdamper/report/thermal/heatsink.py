@@ -75,7 +75,7 @@ def _comparison(run: HeatsinkResult) -> str:
 
 
 def _interval(run: HeatsinkResult) -> str:
-    """Return the interval of the temperature difference, with a positive middle."""
+    """Return the interval of the temperature difference. Its middle is made positive."""
     low, high = (run.gain.low, run.gain.high) if run.gain.middle >= 0.0 else (-run.gain.high, -run.gain.low)
     return f"{low:.1f} to {high:.1f} K"
 
@@ -85,7 +85,7 @@ def _reference(run: HeatsinkResult) -> str:
 
 
 def _lightest(run: HeatsinkResult) -> SinkDesign | None:
-    """Return the lightest sink that is as cool as the reference, unless it is the best."""
+    """Return the lightest sink as cool as the reference, unless it is the best sink."""
     return None if run.reference.sink is None or run.lightest is run.best else run.lightest
 
 
@@ -108,7 +108,7 @@ def _method(run: HeatsinkResult) -> str:
 
 
 def _designs(run: HeatsinkResult) -> list[tuple[str, SinkDesign]]:
-    """Return the designs of the table with labels such as "reference" or without label."""
+    """Return the designs of the table, with labels such as "reference" or no label."""
     labelled = [
         ("bare", run.bare),
         *([("reference", run.reference)] if run.reference.sink is not None else []),
@@ -250,7 +250,7 @@ def _toml(run: HeatsinkResult) -> str:
 
 
 def _show(run: HeatsinkResult, console: Console) -> None:
-    """Print sentences on the best heat sink, and a table with a part of the designs."""
+    """Print sentences on the best heat sink, and a table of selected designs."""
     design_count_max = 8  # The table has at most 8 designs without a label. The page has all designs.
     for line in _verdict(run):
         console.print(escape(line))

@@ -253,7 +253,7 @@ class _NetworkFit:
 def _model_minus_network(
     found: CalibratedDrawing, works: Sequence[LoopWork], duty: Duty, model: Model
 ) -> FloatArray:
-    """Return the thermometer temperature of ``model`` minus that of the network [K].
+    """Return thermometer temperature by ``model`` minus thermometer by network [K].
 
     The result has one value for each time of the measured curve.
     """

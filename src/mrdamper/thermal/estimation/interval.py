@@ -94,7 +94,7 @@ def predict_interval(
     misfit = 0.0 if calibrated is None else SETTINGS.misfit_ratio
 
     def band(weights: FloatArray, curve: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return ``curve`` [K], extended by the network, and its 90 % bounds."""
+        """Return ``curve`` [K] and its 90 % bounds at the times of the network simulation."""
         middle, up, down = _interval_widths(runs, weights)
         middle = middle + np.interp(time, rise.time, curve - np.interp(rise.time, time, middle))
         more = SETTINGS.interval_deviations * misfit * np.abs(middle - middle[0])
@@ -111,7 +111,7 @@ def predict_interval(
 
 
 def rise_factors(drawing: DamperDrawing, load: Load, at: FloatArray) -> FloatArray:
-    """Return the bounds of the 90 % interval of the rise, divided by the predicted rise.
+    """Return the bounds of the 90 % interval of the rise, divided by predicted rise.
 
     ``at`` are the times [s]. The rise is the fluid temperature in the gap minus the ambient temperature. The
     result has the shape (times, 2).
@@ -168,7 +168,7 @@ def _runs(
 def _interval_widths(
     runs: Sequence[Heating], weights: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the weighted mean of node temperatures, and its deviations up and down [K]."""
+    """Return a weighted mean of node temperatures, and its deviations up and down [K]."""
     time = runs[0].time
     middle, *changed = (np.interp(time, each.time, each.temperature @ weights) for each in runs)
     off = (np.array(changed) - middle).reshape(-1, 2, len(time))

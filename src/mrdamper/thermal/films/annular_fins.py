@@ -177,7 +177,7 @@ def best_gap_in_wind(speed: float, length: float, viscosity: ArrayLike, prandtl:
 def floor_share(
     speed: float, gap: float, outer: float, viscosity: ArrayLike, prandtl: ArrayLike
 ) -> FloatArray:
-    """Return the coefficient of the tube between fins, divided by the one of fin sides.
+    """Return the coefficient on the tube between fins / coefficient on the fin sides.
 
     The ratio in wind is 1.2 (1 - exp(-(S / S0)^5)) for the gap S. S0 is 1.18 times ``best_gap_in_wind`` for
     the mean chord of a disc. The formula was fitted to computed flows for fins of one size at 2 m/s. At 1 and

@@ -245,7 +245,7 @@ def _surface_points(
 
 
 def cooling_in(model: FieldModel, surroundings: Surroundings, *, reference: float | None = None) -> Cooling:
-    """Return the cooling of a model for other surroundings than in its geometry.
+    """Return the cooling of a model in surroundings that differ from its geometry.
 
     Parameters
     ----------

@@ -131,7 +131,7 @@ class Cooling:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HotSpots:
-    """Three matrices of shape (m, n) that return temperatures of a part for n unknowns.
+    """Matrices of shape (m, n) that return temperatures of a part for n unknowns.
 
     Each row is for one of m points that can be the hottest point of the part.
     """
@@ -158,7 +158,7 @@ class HeatEquation:
     stiffness: Matrix  # heat conduction [W/K], shape (n, n)
     mechanical: FloatArray  # load vector for 1 W of mechanical power, shape (n,)
     electrical: FloatArray  # load vector for 1 W of coil heat, shape (n,)
-    warming: Matrix  # E: derivative of a coil heat of 1 W to the temperatures [1/K], shape (n, n)
+    warming: Matrix  # E: derivative of 1 W of coil heat with respect to the unknowns [1/K], shape (n, n)
     surface: Matrix  # B: temperatures of the surface points for given unknowns, shape (p, n)
     area: FloatArray  # area of the surface points [m^2], shape (p,)
     cooling: Cooling

@@ -369,7 +369,7 @@ def _zone_edges(drawing: DamperDrawing) -> tuple[float, float, float, float]:
 
 
 def _covered(sink: HeatSink, body_length: float, low: float, high: float) -> tuple[float, float]:
-    """Return lengths of the body [m]: under the heat sink, and in gaps between fins."""
+    """Return lengths from ``low`` to ``high`` [m]: under the sink, gaps between fins."""
     centres, half = sink.centres(body_length), 0.5 * sink.thickness
 
     def overlap(start: FloatArray, stop: FloatArray) -> float:

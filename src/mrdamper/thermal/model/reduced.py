@@ -118,7 +118,7 @@ def _responses(equation: HeatEquation, kinds: IntArray) -> FloatArray:
 
 
 def _space(equation: HeatEquation, fields: FloatArray, order: int) -> FloatArray:
-    """Return a mass-orthonormal basis of the responses, with at most ``order`` columns.
+    """Return a mass-orthonormal basis of the responses with at most ``order`` columns.
 
     The first column is a uniform temperature. The remaining columns are the dominant principal components.
     """

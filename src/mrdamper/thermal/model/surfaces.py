@@ -205,7 +205,7 @@ def _over_temperature(
 
 
 def fin_uncertainty(drawing: DamperDrawing) -> float:
-    """Return the half width of the 90 % interval of ``fin_film`` / ``fin_film``."""
+    """Return the relative error of ``fin_film``: half width of the 90 % interval."""
     sink, diameter = _sink(drawing), drawing.body.outer_diameter
     tip, speed = sink.tip_radius(diameter), drawing.surroundings.air_speed
     share = sink.thickness * tip / (tip**2 - 0.25 * diameter**2 + sink.thickness * tip)

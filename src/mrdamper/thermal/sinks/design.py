@@ -263,7 +263,7 @@ def front_of(designs: Sequence[SinkDesign]) -> tuple[SinkDesign, ...]:
 
 
 def thinned(front: Sequence[SinkDesign], most: int) -> tuple[SinkDesign, ...]:
-    """Return at most ``most`` designs of a Pareto front, about evenly in temperature.
+    """Return at most ``most`` designs of a front, about evenly spaced in temperature.
 
     The first and the last design are always included. ``most`` is at least 2.
     """
@@ -276,7 +276,7 @@ def thinned(front: Sequence[SinkDesign], most: int) -> tuple[SinkDesign, ...]:
 
 
 def lightest_as_cool(front: Sequence[SinkDesign], fluid: float) -> SinkDesign | None:
-    """Return the lightest design with a fluid temperature up to ``fluid`` [K]."""
+    """Return the lightest design no warmer than ``fluid`` [K]; None if all are warmer."""
     return next((design for design in front if design.fluid <= fluid), None)
 
 

@@ -31,8 +31,8 @@ from mrdamper.thermal.settings import SETTINGS
 from mrdamper.thermal.sinks.design import HeatedDamper
 
 # Parameter studies of the reference paper
-PAPER_WIDTHS = (0.018, 0.023, 0.028, 0.033)  # fin widths in the study of the width, with three fins [m]
-PAPER_FINS = (3, 4, 5)  # numbers of fins in the study of the number, with a width of 23 mm
+PAPER_WIDTHS = (0.018, 0.023, 0.028, 0.033)  # fin widths of the first study, with three fins [m]
+PAPER_FINS = (3, 4, 5)  # numbers of fins in the second study, with 23 mm wide fins
 PAPER_PITCH = 0.020  # fin pitch in both parameter studies [m]
 
 EFFICIENCY_FORMULA = "(T_bare - T_fins) / (T_bare - T_ambient) / (1 + A_fins / A_damper)"
