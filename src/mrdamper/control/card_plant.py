@@ -1,10 +1,11 @@
-"""The damper of a card as the plant of a closed loop, for control with a perfect model.
+"""A virtual damper made from a model card, for tests without model error.
 
-The actuation of the damper (delay and lags, or one lag) delays the command. The kernel then steps the law
-sample by sample. A controller that is made from the same card has no model error on this plant. The tracking
-error is therefore caused only by lag and noise. It does not validate a card.
+The command is first delayed by the dead time and the lags in the card. The kernel then steps the hysteresis
+law sample by sample. A controller that is made from the same card has no model error on this damper. Its
+tracking error is caused only by lags and sensor noise. The test therefore does not show whether the card
+describes the real damper.
 
-The plant starts with zero force and zero command. Extension is positive.
+The damper starts with zero force and zero command. Extension is positive.
 """
 
 from __future__ import annotations
@@ -21,23 +22,24 @@ from mrdamper.models.actuation import Actuation, Applied
 from mrdamper.models.damper import Damper
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-COMMAND_COUNT = 401  # number of commands at which the law's coefficients are tabulated
-_SHAPE = ("kappa", "n")  # Coefficients of the universal curve, which the kernel tabulates once.
+COMMAND_COUNT = 401  # number of commands at which the coefficients of the hysteresis law are tabulated
+_SHAPE = ("kappa", "n")  # parameters of the hysteresis curve; the kernel tabulates this curve once
 
 
 class CardPlant:
-    """A damper simulated from a model card, with its state, for a closed loop (``protocol.Plant``).
+    """Simulated damper with a state, made from a model card, for closed loops (``protocol.Plant``).
 
     Parameters
     ----------
-    damper : damper of a card
+    damper : damper of a model card
     highest : highest command [A or V]; the applied command is limited to the range from 0 to this value
     step_s : time step [s]
 
     Raises
     ------
     InputError
-        If the law is user-defined in Python, or its universal curve depends on the command.
+        If the hysteresis law is user-defined in Python, or the shape of its hysteresis curve depends on the
+        command.
     """
 
     def __init__(self, damper: Damper, *, highest: float = 2.0, step_s: float = 1e-4) -> None:
@@ -56,7 +58,7 @@ class CardPlant:
         self._table: tuple[float, FloatArray] | None = None
         lag = damper.command_lag_s
         self._applied = Applied(damper.actuation or Actuation(lag, lag), step_s)
-        self._applied.on(np.zeros(2))  # The actuation settles at zero command.
+        self._applied.on(np.zeros(2))  # Start in equilibrium with zero command.
         # Displacement, velocity, acceleration and applied command of the last sample.
         self._before: tuple[FloatArray, ...] | None = None
         self._motion, self._law = np.zeros(core.MOTION_NUMBERS), np.zeros(core.STATE_NUMBERS)
@@ -75,7 +77,7 @@ class CardPlant:
         current: ArrayLike,
         temperature_degC: float,
     ) -> FloatArray:
-        """Advance by one step for each sample; return the force [N] at the end of each step, shape (n,)."""
+        """Advance one time step per array element; return the forces [N], shape (n,)."""
         x, v = (np.array(given, dtype=np.float64) for given in (displacement, velocity))
         command = self._applied.on(np.broadcast_to(np.asarray(current, dtype=np.float64), x.shape))
         applied = np.clip(command, 0.0, self._highest)
@@ -83,14 +85,13 @@ class CardPlant:
         if self._before is not None:
             x, v, a, applied = map(np.concatenate, zip(self._before, (x, v, a, applied), strict=True))
         self._before = x[-1:].copy(), v[-1:].copy(), a[-1:].copy(), applied[-1:].copy()
-        # Each block is treated as the last one, because later samples must not change forces already
-        # returned.
+        # Every call closes its batch of samples, because later samples must not change forces that are
+        # already returned.
         batch = core.open_batch(self.step_s, (x, v, a), self._motion, patience=1, last=True)
         coefficients = self._coefficients(applied, temperature_degC)
         return core.carry(self._kernel, batch, coefficients, self._law, self._workspace)[batch.behind :]
 
     def _coefficients(self, applied: FloatArray, temperature_degC: float) -> FloatArray:
-        """Interpolate the law's coefficients at n applied commands and a temperature, shape (m, n)."""
         if self._table is None or self._table[0] != temperature_degC:
             levels = np.linspace(0.0, self._highest, COMMAND_COUNT)
             warm = temperature_degC + ZERO_CELSIUS_K if self._damper.temperature_dependent else None

@@ -1,7 +1,7 @@
 """The configuration of a controller, as frozen dataclasses like the structs in ``controller_config.h``.
 
-The C extension reads the values by name, and an export prints them by name. Units are SI and kelvin. "A" is
-the unit of the command. If the command of the card is a voltage, the unit is "V" instead.
+The C extension reads each value by its name. The export as C code prints the same names. Units are SI and
+kelvin. "A" is the unit of the command. If the model card has a voltage as command, the unit is "V" instead.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ class InverseMethod(IntEnum):
     """Method by which a controller computes the command from the wanted force."""
 
     NONE = 0  # The command is computed only by feedback.
-    BANK = 1  # interpolation between the forces of five models at constant currents, without preview
+    BANK = 1  # interpolation between the forces of models at five constant currents
     PREDICTIVE = 2  # model-predictive control with several command changes in a prediction horizon
 
 
@@ -44,8 +44,8 @@ class Law:
     series: bool  # True for the law ``series-valve``
     chain: bool  # True for the law ``chain``
     elements: int  # number of hysteretic elements; 0: the force follows the sign of the velocity
-    saturating: bool  # True: the second yield force saturates with speed and uses the first element
-    unloaded: float  # [-] travel of the universal curve from w = -1 to 0
+    saturating: bool  # True: second yield force is a function of speed times the state of the first element
+    unloaded: float  # [-] normalised travel in which the hysteresis variable w rises from -1 to 0
     substeps: int  # integration steps in a period, for series valve and chain
 
 
@@ -118,14 +118,14 @@ class Actuation:
     lags: Lags  # both lags in a period
     inverse_saturation_flux: float  # [1/A] b in the flux I / (1 + b I)
     hysteresis_width: float  # [A] half width of the magnetic hysteresis after the lags
-    hysteresis_weight: float  # [-] fraction of the field with the hysteresis of ``hysteresis_width``, below 1
+    hysteresis_weight: float  # [-] fraction of the magnetic field with the narrow hysteresis, below 1
     wide_hysteresis_width: float  # [A] half width of a second, wider hysteresis; 0: disabled
     wide_hysteresis_weight: float  # [-] fraction of the field with the wide hysteresis
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inverse:
-    """Method that computes the command from the wanted force, and the preview of the wanted force."""
+    """Method that computes the command from the wanted force, and its preview time."""
 
     method: InverseMethod
     preview: float  # [s] time from now to the future wanted force that the caller passes
@@ -139,8 +139,8 @@ class Prediction:
     """
 
     steps: int  # number of steps of the horizon, which starts after the dead time
-    samples: int  # number of periods that share the computation of one prediction
-    together: int  # number of periods in one integration step of the law during the dead time
+    samples: int  # number of periods over which the computation of one prediction is distributed
+    together: int  # number of periods in an integration step of the hysteresis law during the dead time
     step: float  # [s] length of a step
     stretch: int  # factor on the step length from the fourth step on
     dead: float  # [s] time from now to the start of the horizon
@@ -163,7 +163,7 @@ class Feedback:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Envelope:
-    """Range of the data to which the card was fitted. The controller sets a flag outside this range."""
+    """Range of the fitted data. The controller sets a flag for values outside."""
 
     displacement_min: float  # [m] lowest displacement in the data
     displacement_max: float  # [m] highest displacement in the data
@@ -185,7 +185,7 @@ class Faults:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Thermometer:
-    """Limits beyond which a temperature is a fault."""
+    """Fault limits and filter of the temperature."""
 
     cold_limit: float  # [K] minimum of a reading
     hot_limit: float  # [K] maximum of a reading
@@ -193,7 +193,7 @@ class Thermometer:
     change_max: float  # [K] maximum change of the estimate in a period
     filter_decay: float  # [-] fraction of the gap between estimate and reading that remains after a period
     hold_samples: int  # samples for which the estimate is used without a valid reading
-    recover_samples: int  # steady samples after which a reading that has jumped is accepted
+    recover_samples: int  # This number of nearly equal readings after a jump is accepted as valid.
     nominal: float  # [K] temperature that is used when there is neither a valid reading nor an estimate
     fixed: float  # [K] temperature used instead of readings; 0: readings are used
 
@@ -204,10 +204,10 @@ class HeatBalance:
 
     heat_capacity: float  # [J/K] heat capacity; 0: a stuck thermometer is not detected
     loss_conductance: float  # [W/K] thermal conductance to the surroundings
-    loss_ratio_max: float  # [-] upper limit of the loss as a multiple of ``loss_conductance``
+    loss_ratio_max: float  # [-] largest possible heat loss, divided by the loss with ``loss_conductance``
     ambient: float  # [K] temperature of the surroundings
     coil_heat: float  # [W/A2] heat of the coil divided by the square of the applied current
-    frozen_rise_max: float  # [K] a constant reading is a fault if the expected warming is larger
+    frozen_rise_max: float  # [K] A constant reading is a fault if the damper should have warmed by more.
     extrapolate: bool  # True: estimate the temperature from the supplied energy while the sensor is stuck
 
 
@@ -231,7 +231,7 @@ class Config:
 
 
 def compile_options(*configs: Config) -> Mapping[str, int]:
-    """Return the compile-time options of C code that contains only these configurations."""
+    """Return the compile-time options of C code for only these configurations."""
     return {
         "MRD_WITH_SERIES": int(any(each.law.series for each in configs)),
         "MRD_WITH_CHAIN": int(any(each.law.chain for each in configs)),

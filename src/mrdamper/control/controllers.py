@@ -1,19 +1,20 @@
-"""Force-tracking controllers made from a card: recommended, as in the reference paper, and baselines.
+"""Force-tracking controllers made from a model card.
 
-Each controller is a small frozen object. All controllers and exports share one step function in C
-(``core/kernel/controller.c``). Only the configuration (``config``) differs:
+All controllers and exports share one step function in C (``core/kernel/controller.c``). Only
+the configuration (``config``) differs:
 
-- ``recommended``: model-predictive control with the model of the card. The command minimises the expected
-  force error in the prediction horizon. After a reversal, the controller assumes that the hysteresis builds
-  up faster than in the model (``settings``: ``settled_ratio``). ``recommended-causal`` extrapolates the
-  target. ``recommended-observer`` adds a disturbance observer for a measured force.
-- ``predictive``: like ``recommended``, but with the hysteresis exactly as in the model of the card. For the
+- ``recommended``: model-predictive control with the damper model of the card. The command minimises the
+  expected force error in the prediction horizon. After a reversal, the controller assumes that the hysteresis
+  force builds up faster than in the model (``settings``: ``settled_ratio``). ``recommended-causal`` does not
+  need the future target, but extrapolates it. ``recommended-observer`` also corrects the model with a
+  measured force (disturbance observer).
+- ``predictive``: like ``recommended``, but with the hysteresis exactly as in the model. For the hysteresis
   laws ``chain`` and ``series-valve``, ``predictive`` and ``recommended`` are equal.
-- ``paper``: controller of the reference paper. Five models at constant currents compute the present force.
-  Linear interpolation between these forces gives the command. ``paper-unaware`` always assumes 20 degC.
+- ``paper``: controller of the reference paper. Models at five constant currents compute the present force.
+  Interpolation between these forces gives the command. ``paper-unaware`` always assumes 20 degC.
 - ``pi`` and ``clipped-on-off``: baselines with a force sensor.
 
-The rules in ``tuning`` choose every value that the card does not contain.
+The module ``tuning`` computes every controller parameter that the card does not contain.
 """
 
 from __future__ import annotations
@@ -58,21 +59,22 @@ NEED_LAG = ("recommended", "recommended-causal", "recommended-observer", "predic
 class Safety:
     """Limits beyond which a reading is a fault, and the reaction to a fault. Units are SI and kelvin."""
 
-    stroke_times: Positive = 10.0  # fault limits of displacement and velocity / largest value in the data
+    stroke_times: Positive = 10.0  # fault limits of displacement and velocity, divided by the data's maxima
     frozen_s: Positive = 0.02  # Equal displacement readings for this time are a fault.
     coast_s: Positive = 0.12  # time for which a missing displacement is replaced by an extrapolated motion
     fall_back: NotNegative = 0.0  # command if the displacement is missing for longer than coast_s [A or V]
-    back_s: Positive = 0.03  # The fall-back command ends after this time with displacement readings.
+    back_s: Positive = 0.03  # duration of valid displacement readings that ends the fall-back command
     cold_K: Positive = 233.15
     hot_K: Positive = 423.15
     slew_K_s: Positive = 20.0  # max rate of change of the temperature estimate; no damper warms faster
     jump_K: Positive = 10.0  # max difference between temperature reading and estimate
     smooth_s: Positive = 0.2  # time constant of the filter for the temperature readings
-    # Time for which the temperature estimate is used without a valid reading; None: see ``thermometer``.
+    # Time without a valid reading for which the temperature estimate is used; None: ``thermometer`` computes
+    # the time.
     hold_s: Positive | None = None
-    nominal_K: float | None = None  # temperature after hold_s; None: the middle of the model's range
-    # Temperature readings after a jump are accepted when they have been steady for this time. They must also
-    # be steady for longer than the readings before the jump were valid.
+    nominal_K: float | None = None  # temperature after hold_s; None: middle of the model's range
+    # Temperature readings after a jump are rejected until they are nearly constant for this time. They must
+    # also be nearly constant for longer than the time in which the readings before the jump were valid.
     recover_s: Positive = 2.0
 
     def __post_init__(self) -> None:
@@ -106,9 +108,9 @@ class Safety:
     def thermometer(self, axes: config.Axes, heating: config.HeatBalance) -> config.Thermometer:
         """Return the fault limits of the temperature for the C code.
 
-        Without a valid reading, the temperature is extrapolated from the supplied energy for one thermal time
-        constant (capacity divided by loss), at most half an hour. If extrapolation is disabled, the last
-        estimate is held for 10 s.
+        Without a valid reading, the temperature estimate is extrapolated from the supplied energy. This lasts
+        for one thermal time constant (heat capacity divided by loss conductance), at most half an hour. If
+        extrapolation is disabled, the last estimate is used unchanged for 10 s.
         """
         kept = heating.extrapolate and heating.heat_capacity > 0.0
         lasts = SETTINGS.temperature_held_s
@@ -161,9 +163,9 @@ class ForceController(Stepper):
         )
 
     def run(self, state: bytes, inputs: FloatArray) -> tuple[bytes, FloatArray, NDArray[np.int64]]:
-        """Compute n steps in one call; return the last state, the commands and the flags, each of n steps.
+        """Compute n steps; return the last state, n commands and the flags of n steps.
 
-        ``inputs`` has shape (n, 5) and the columns wanted force now [N], wanted force after ``preview_s``
+        ``inputs`` has shape (n, 5). Its columns are wanted force now [N], wanted force after ``preview_s``
         [N], displacement [m], temperature [K] and measured force [N]. Unknown values are NaN.
         """
         rows = np.ascontiguousarray(inputs, dtype=np.float64)
@@ -185,7 +187,10 @@ class ForceController(Stepper):
     def scaled(
         self, yield_gain: float = 1.0, viscous_gain: float = 1.0, friction_gain: float = 1.0
     ) -> ForceController:
-        """Return the controller for an aged or similar damper. Gains multiply parts of the model force."""
+        """Return the controller for a damper with changed force parts.
+
+        Each gain multiplies one part of the model force, for example to describe an aged damper.
+        """
         gains = (yield_gain, viscous_gain, friction_gain)
         if not all(0.1 <= gain <= 10.0 for gain in gains):
             raise InputError(place="controller", found=f"gains are {gains}", expected="0.1 to 10")
@@ -194,12 +199,13 @@ class ForceController(Stepper):
 
 
 def names_for(law: str, *, has_lag: bool = True) -> tuple[str, ...]:
-    """Return the names of the controllers that a card supports.
+    """Return the names of the controllers that can be made from a model card.
 
     Parameters
     ----------
-    law : name of the law; the ``paper`` controllers do not support a law with an implicit step
-    has_lag : True if the force of the card follows the current with a delay or lag
+    law : name of the hysteresis law; ``paper`` controllers do not exist for the laws ``series-valve`` and
+        ``chain``
+    has_lag : True if the force follows the current with a delay or lag
     """
     excluded = (_BANKS if law in STEPPED else ()) + (() if has_lag else NEED_LAG)
     return tuple(name for name in NAMES if name not in excluded)
@@ -230,29 +236,31 @@ def controllers_for(  # noqa: PLR0913 - values that a caller can know better tha
 ) -> dict[str, ForceController]:
     """Return every controller of a card or damper, by name.
 
-    All controllers use the temperature dependence of the card, except ``paper-unaware``, which uses the card
-    at 20 degC. To get any other controller without temperature dependence, use a card without a temperature
-    model. Fit such a card to runs at one temperature, or to all runs with the temperature model disabled.
+    The controller ``paper-unaware`` always assumes 20 degC. All others use the temperature dependence of the
+    model card. To get these without temperature dependence, pass a card without a temperature model. Fit this
+    card to runs at one temperature, or to all runs with the temperature model disabled.
 
     Parameters
     ----------
     period_s : sampling period [s]
-    largest : largest command [A or V]; None: the maximum of the driver in the card, or else of the runs
+    largest : largest command [A or V]; None: the largest command of the driver in the card; if unknown, the
+        largest command in the runs
     displacement_noise_m : noise of the displacement sensor, RMS [m]
     displacement_period_s : time between new displacement readings [s], if a slow bus repeats each reading for
-        several controller periods; equal readings are then a fault only after 2.5 of these periods
-    jerk_density : jerk density of the motion for which the motion filter is designed [m/s^3 per root Hz]
+        several controller periods; equal readings are then a fault only after 2.5 reading periods
+    jerk_density : jerk density of the expected motion [m/s^3 per root Hz], for the design of the motion
+        filter
     extra_delay_s : dead time of sensing, computing and driver in addition to the dead time of the card [s]
     safety : limits of valid readings; None: the default
-    heating : heat balance that detects a stuck thermometer; None: the damper of the reference paper;
-        ``NO_HEATING``: no detection
+    heating : heat balance that detects a stuck thermometer; None: heat balance of the damper in the reference
+        paper; ``NO_HEATING``: no detection
     speed_m_s : maximum speed of the tables [m/s]
 
     Raises
     ------
     InputError
-        If the law has no tables, the force of the card does not depend on the command, or the sampling is too
-        slow for the lag.
+        If no tables exist for the hysteresis law, the force does not depend on the command, or the sampling
+        is too slow for the lag.
     """
     damper = source.damper if isinstance(source, ModelCard) else source
     if not (math.isfinite(extra_delay_s) and extra_delay_s >= 0.0):
@@ -316,13 +324,14 @@ def tables_of(
 
     Parameters
     ----------
-    actuation : delay and lags between command and force, with the dead time of the loop
+    actuation : delay and lags between command and force; the delay includes the dead time of the control loop
     largest : largest command [A or V]
 
     Raises
     ------
     InputError
-        If the law has no tables, the largest command is unknown, or the dead time has too many periods.
+        If no tables exist for the hysteresis law, the largest command is unknown, or the dead time has too
+        many periods.
     """
     damper, envelope = source.damper if isinstance(source, ModelCard) else source, envelope_of(source)
     tuning.check_delay(actuation, period_s)
@@ -337,7 +346,7 @@ def tables_of(
 
 
 def envelope_of(source: ModelCard | Damper) -> OperatingEnvelope | None:
-    """Return the operating envelope of a card; None for a damper."""
+    """Return the operating envelope of a model card; None for a damper without a card."""
     return source.envelope if isinstance(source, ModelCard) else None
 
 
@@ -386,14 +395,15 @@ def _variants(
 
     Parameters
     ----------
-    base : configuration that the controllers share, without a method that computes the command
-    harmonic : motion filter of the predictive controllers, for harmonic motion
-    force_per_command : increase of the force with the command in a steady, fast motion [N/A]
+    base : configuration that all controllers share; it does not select how the command is computed
+    harmonic : motion filter of the predictive controllers, which assumes a harmonic motion
+    force_per_command : increase of the force with the command in a fast motion [N/A]
     """
     period = base.axes.period
     method = config.Inverse(method=InverseMethod.PREDICTIVE, preview=tuning.horizon_end(prediction))
     recommended = replace(base, motion=harmonic, inverse=method, prediction=prediction)
-    # The controller of the paper assumes that the current follows the command without lag or hysteresis.
+    # The controller of the reference paper assumes that current follows the command without lag or
+    # hysteresis.
     paper = replace(
         base,
         actuation=tuning.sampled_actuation(Actuation(0.0, 0.0), period),
@@ -442,7 +452,7 @@ def base_configuration(
         axes=axes,
         law=tables.law(substeps=max(1, math.ceil(period / SETTINGS.series_step_s - 1e-9))),
         motion=motion,
-        # The filter that extrapolates the target has the bandwidth of the motion filter.
+        # The filter that extrapolates the wanted force has the same gains as the motion filter.
         reference=config.ReferenceFilter(
             gain_f=motion.gain_x, gain_rate=motion.gain_v, gain_second_derivative=motion.gain_a
         ),
@@ -478,6 +488,5 @@ def _force_per_command(tables: DamperTables) -> float:
 
 
 def _claimed_error(card: ModelCard) -> float:
-    """Return the median over runs of the RMS force error in a card [N]; 0 if the card has no run errors."""
     runs = card.evidence.runs
     return float(statistics.median(run["rmse_N"] for run in runs)) if runs else 0.0

@@ -2,16 +2,16 @@
 
 At sample k (time k P, with the sampling period P) the sensors are read and the controller returns a current.
 The driver rounds the current to its resolution and limits it to the range from 0 to the highest current.
-After the command delay, the driver holds this current for one sampling period. The damper is a ``Plant`` that
-follows the prescribed motion. The loop does not depend on the physics of the plant. The same scenario, damper
-and controller give bit-identical runs.
+After the command delay, the driver applies this current for one sampling period. The damper is a ``Plant``
+that follows the prescribed motion. Any simulated damper can be used. The same scenario, damper and controller
+give bit-identical runs.
 
-Controllers made from cards run on virtual dampers in C (``core/binding/closed_loop.c``); one call computes
-several loops in parallel. All other controllers and plants run in Python, sample by sample. A loop has
-bit-identical results in C and in Python.
+Loops of a controller from ``controllers`` and a virtual damper run in C (``core/binding/closed_loop.c``). One
+call computes several loops in parallel. All other loops run in Python, sample by sample. C and Python give
+bit-identical results.
 
-Arrays at the time steps of the plant have the shape (n,). They contain the values at the ends of the steps,
-which are the times h, 2 h, ..., n h for the step h.
+Arrays of plant values have the shape (n,). With the plant time step h, they contain the values at the times
+h, 2 h, ..., n h.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from mrdamper.excitation import motion_from_text
 from mrdamper.quantities import ZERO_CELSIUS_K
 
 LOOP_COUNT_MAX = 64  # max number of loops in one call of the C code
-CACHED_SAMPLE_COUNT_MAX = 300_000  # A cached motion of this length needs 7 MB.
+CACHED_SAMPLE_COUNT_MAX = 300_000  # A cached motion with this number of time steps needs 7 MB.
 _SENSORS: tuple[Sensor, ...] = ("displacement", "temperature", "force")
 
 
@@ -136,7 +136,10 @@ def steps_per_sample(period_s: float, step_s: float) -> int:
 def run_loop(
     plant: Plant, controller: Controller, scenario: Scenario, course: ReferenceTrajectory | None = None
 ) -> LoopRun:
-    """Run a controller on a copy of the simulated damper (plant) in its present state."""
+    """Run a controller on a copy of the simulated damper (plant).
+
+    The run begins in the state of the given plant.
+    """
     return run_loops(plant, [controller], [scenario], course)[0][0]
 
 
@@ -146,11 +149,12 @@ def run_loops(
     scenarios: Sequence[Scenario],
     course: ReferenceTrajectory | None = None,
 ) -> list[list[LoopRun]]:
-    """Run each controller in each scenario; return for each controller the runs of all scenarios.
+    """Run each controller in each scenario; return one list of runs per controller.
 
-    Every run starts with a copy of the plant in its present state. The scenarios may differ only in seed,
-    sensors and disturbance. Loops in C run in parallel and are bit-identical to single runs. ``course`` is
-    the motion and target at the time steps of the plant; if None, it is computed from the scenario.
+    Every run uses a copy of the plant (simulated damper), which starts in the plant's state. The scenarios
+    may differ only in seed, sensors and disturbance. The result does not depend on the number of loops that
+    run in parallel. ``course`` is the motion and target at the time steps of the plant; if None, it is
+    computed from the scenario.
 
     Raises
     ------
@@ -189,14 +193,13 @@ class _Loop:
     controller: Controller
     scenario: Scenario
     settings: LoopSettings
-    wanted: FloatArray  # wanted force [N] at each sample, and one preview time later; shape (2, samples)
+    wanted: FloatArray  # wanted force [N] at each sample (first row) and after the preview time (second row)
     sensed: _Sensed
     force: FloatArray  # [N] force of the damper
-    given: FloatArray  # commands [A]: first the zero commands of the delay, then one command per sample
+    given: FloatArray  # commands [A]: zero during the delay, then one command per sample
 
     @property
     def tracker(self) -> Tracker | None:
-        """Return the controller in C; None if its step is written in Python."""
         return self.controller.compiled if isinstance(self.controller, CompiledController) else None
 
     def run(self, course: ReferenceTrajectory) -> LoopRun:
@@ -209,7 +212,7 @@ class _Loop:
 
 
 class _Prepared:
-    """Factory of closed loops with one motion; computes the inputs that several loops share only once."""
+    """Factory of closed loops with one motion. Shared inputs are computed only once."""
 
     def __init__(self, step_s: float, course: ReferenceTrajectory) -> None:
         self._step, self._course = step_s, course
@@ -237,7 +240,6 @@ class _Prepared:
         )
 
     def _target_ahead(self, scenario: Scenario, every: int, ahead_s: float) -> FloatArray:
-        """Return the wanted force [N] ``ahead_s`` after each sample."""
         if (every, ahead_s) not in self._wanted:
             now = every * self._step * np.arange(-(-len(self._course) // every))
             self._wanted[every, ahead_s] = np.asarray(scenario.force(now + ahead_s))
@@ -310,7 +312,7 @@ def _loop_in_python(plant: Plant, loop: _Loop, course: ReferenceTrajectory) -> N
     now, later = loop.wanted.tolist()
     displacement, temperature = sensed.displacement.tolist(), sensed.temperature.tolist()
     sensor = _ForceSensor(sensed, settings.force_step_N)
-    # The damper receives given[k] at the start of sample k, and given[k + 1] after ``apart`` steps.
+    # During sample k, the damper first receives given[k], and after ``apart`` time steps given[k + 1].
     given = loop.given
     given[: late + 1] = 0.0
     arrives = (np.arange(len(course)) - apart) // every + 1
@@ -356,10 +358,6 @@ class _Sensed:
     frozen: FloatArray  # 1 if the force sensor is stuck and repeats its last value, otherwise 0
 
     def rows(self, wanted: FloatArray) -> FloatArray:
-        """Return the inputs of a compiled controller, shape (n, 5).
-
-        The columns are the two rows of ``wanted``, displacement, temperature and force noise.
-        """
         columns = (*wanted, self.displacement, self.temperature, self.force_noise)
         return np.ascontiguousarray(np.transpose(columns))
 
@@ -417,7 +415,7 @@ def _read_sensors(scenario: Scenario, period_s: float, samples: int) -> _Sensed:
 
 
 def _faults(sensing: Sensing, sensor: str, fault: str, time: FloatArray) -> list[BoolArray]:
-    """Return one mask for each dropout with the given fault: True at the samples during the dropout."""
+    """Return one mask of samples per dropout of a sensor with the given kind of fault."""
     spans = [(e.start_s, e.end_s) for e in sensing.dropouts if e.sensor == sensor and e.fault == fault]
     found = [(time >= start) & (time < end) for start, end in spans]
     return [inside for inside in found if inside.any()]
