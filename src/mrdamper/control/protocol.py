@@ -96,7 +96,7 @@ class Plant(Protocol):
         current: float | FloatArray,
         temperature_degC: float,
     ) -> FloatArray:
-        """Advance one time step per array element; return the force [N] at the end of each time step.
+        """Advance one time step per array element; return the force [N] after each step.
 
         A scalar ``current`` is constant for all time steps.
         """
@@ -112,9 +112,9 @@ class CompiledPlant(Plant, Protocol):
     """A simulated damper that C code can advance in a closed loop."""
 
     def hold(self, temperature_degC: float, count: int) -> object:
-        """Return ``count`` copies (at most 64) of the damper at one temperature for the closed loop in C.
+        """Return ``count`` copies (at most 64) of the damper for loops in C.
 
-        The result is a Python capsule that holds the struct of ``core/binding/loop_plant.h``.
+        The result is a Python capsule with a pointer to the struct in ``core/binding/loop_plant.h``.
         """
         ...
 
@@ -123,8 +123,8 @@ class LoopSettings(NamedTuple):
     """Settings of a closed loop that C code computes."""
 
     every: int  # time steps of the damper model per controller sample
-    late: int  # delay of a command in whole controller samples
-    apart: int  # rest of this delay in time steps of the damper model
+    late: int  # delay of a command: number of whole controller samples
+    apart: int  # additional delay of a command: number of time steps of the damper model
     reads_force: bool
     force_gain: float
     force_offset_N: float

@@ -2,12 +2,13 @@
 
 The model has the same tables, configuration and C code as the controllers (``core/kernel/track_model.h``).
 Use the model for hardware in the loop, co-simulation, or as a virtual force sensor. Do not use the model for
-fitting, because its tables approximate the law; ``models.simulate`` integrates the law itself.
+fitting, because its tables approximate the hysteresis law. ``models.simulate`` uses the hysteresis law
+itself.
 
-A row of input has the current of the sampling period that ends at this row. If the velocity is given, the
-model uses displacement and velocity unchanged. Otherwise the motion filter of the controllers estimates the
-velocity. By default, this filter is designed for a displacement without noise. For a sensor with 10 um noise,
-pass ``displacement_noise_m=10e-6, jerk_density=1.0``.
+The current of an input row is the current during the sampling period before the other values are read. If the
+velocity is given, the model uses displacement and velocity unfiltered. Otherwise the motion filter of the
+controllers estimates the velocity. By default, this filter is designed for a displacement without noise. For
+a sensor with 10 um noise, pass ``displacement_noise_m=10e-6, jerk_density=1.0``.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from mrdamper.models.damper import Damper
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RealtimeDamper(Stepper):
-    """The model of a damper: ``step(state, ...)`` returns the next state (bytes) and the force [N].
+    """Real-time model of a damper: a step returns the next state and the force [N].
 
     The force is finite for all inputs. Flags report invalid inputs.
     """
@@ -56,9 +57,9 @@ class RealtimeDamper(Stepper):
         return self._native.model(state, displacement, velocity, current, temperature)
 
     def run(self, state: bytes, rows: FloatArray) -> tuple[bytes, FloatArray, NDArray[np.int64]]:
-        """Compute n steps in one call; return the last state, the forces [N] and the flags, each of n steps.
+        """Compute n steps; return the last state, n forces [N] and the flags of n steps.
 
-        ``rows`` has shape (n, 4) and the columns displacement [m], velocity [m/s] or NaN, current [A or V]
+        ``rows`` has shape (n, 4). Its columns are displacement [m], velocity [m/s] or NaN, current [A or V]
         and temperature [K].
         """
         inputs = np.ascontiguousarray(rows, dtype=np.float64)
@@ -82,33 +83,35 @@ def realtime_model(  # noqa: PLR0913 - values that a caller can know better than
     speed_m_s: float = 1.0,
     single: bool = False,
 ) -> RealtimeDamper:
-    """Return the real-time model of a card or damper.
+    """Return the real-time model of a damper, made from a model card or a damper.
 
     Parameters
     ----------
     period_s : sampling period [s]
-    largest : largest current [A or V]; None: the maximum of the driver in the card, or else of the runs
-    displacement_noise_m, jerk_density : sensor noise [m] and jerk of the motion [m/s^3 per root Hz] for which
-        the motion filter is designed
+    largest : largest current [A or V]; None: the largest command of the driver in the card; if unknown, the
+        largest command in the runs
+    displacement_noise_m, jerk_density : sensor noise [m] and jerk density of the motion [m/s^3 per root Hz],
+        for the design of the motion filter
     safety : limits of valid readings; None: the default
-    heating : heat balance that detects a stuck thermometer; None: the reference paper's damper;
-        ``NO_HEATING``: none
+    heating : heat balance that detects a stuck thermometer; None: heat balance of the damper in the reference
+        paper; ``NO_HEATING``: no detection
     extrapolate_temperature : True: if the thermometer is stuck, the temperature is estimated from the
         supplied energy, as in a controller. False: the model sets a flag and uses the constant reading,
-        because a simulation may have a constant temperature
+        because the temperature in a simulation can be constant without a fault
     speed_m_s : maximum speed of the tables [m/s]
     single : True for single precision
 
     Raises
     ------
     InputError
-        If the law has no tables, the largest command is unknown, or the dead time has too many periods.
+        If no tables exist for the hysteresis law, the largest command is unknown, or the dead time has too
+        many periods.
     """
     check_period("real-time model", period_s)
     damper = source.damper if isinstance(source, ModelCard) else source
     actuation = tuning.actuation_of(damper)
-    # The filter for harmonic motions makes the force of the chain law more accurate, even for a random motion
-    # on a road (RMS error of 0.8 instead of 1.1 %).
+    # A motion filter that assumes a harmonic motion gives more accurate forces for the hysteresis law
+    # ``chain``. This is true even for a random road motion (RMS error of 0.8 instead of 1.1 %).
     is_harmonic = damper.law.name == "chain"
     motion = tuning.motion_of(period_s, period_s, displacement_noise_m, jerk_density, is_harmonic=is_harmonic)
     tables = tables_of(source, actuation, period_s=period_s, largest=largest, speed_m_s=speed_m_s)

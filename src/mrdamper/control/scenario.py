@@ -1,10 +1,10 @@
 """Scenarios of force tracking: target, motion, temperature, sensors, disturbances and seed.
 
-A scenario defines the task and the disturbances. The closed loop adds a damper and a controller. Users write
-scenarios as TOML files. ``SCENARIOS`` contains the scenarios of the virtual rig by name. Their targets are in
-phase with the velocity.
+A scenario is a test case for a controller. It does not contain the damper or the controller. Users write
+scenarios as TOML files. ``SCENARIOS`` contains the named scenarios of the virtual test rig. Their wanted
+force is in phase with the velocity, so that the damper can produce it.
 
-Sign convention: extension is positive, a force that resists extension is positive. Temperatures are in degC.
+Extension is positive, and a force that resists extension is positive. Temperatures are in degC.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from mrdamper.schema import Option, check_ranges, read_record, unknown_name, wri
 Sensor = Literal["displacement", "temperature", "force"]
 Fault = Literal["missing", "frozen", "shifted"]
 
-_LONGEST_S = 3600.0  # max duration of a scenario, which limits the memory of a run
+_LONGEST_S = 3600.0  # max duration of a scenario; limits the memory that a run needs
 
 
 class Target(Protocol):
     """A wanted force as a function of time."""
 
     def force(self, time: ArrayLike, velocity: ArrayLike) -> FloatArray:
-        """Return the wanted force [N] at times [s]; ``velocity`` is the velocity of the motion then [m/s]."""
+        """Return the wanted force [N] at times [s] and velocities [m/s] of the motion."""
         ...
 
 
@@ -149,7 +149,7 @@ class Disturbance:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Conditions:
-    """All values of a scenario except the target."""
+    """All fields of a scenario except the target."""
 
     name: str = "sine-900N-1Hz"
     motion: str = "sine5mm1Hz"
@@ -179,7 +179,7 @@ class _Conditions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ScenarioTable(_Conditions):
-    """Content of a scenario file: conditions, scenario for missing values (``like``), table of the target."""
+    """Keys of a scenario file; ``like`` names the scenario with the missing values."""
 
     like: str | None = None
     target: Mapping[str, Any] | None = None
@@ -192,14 +192,13 @@ class Scenario(_Conditions):
     Raises
     ------
     InputError
-        If a value is invalid, the motion is unknown, or no sample is scored.
+        If a value is invalid, the motion is unknown, or ``unscored_s`` is not shorter than the run.
     """
 
     target: Target = field(default_factory=lambda: SineTarget(900.0, 1.0))
 
     @property
     def path(self) -> Motion:
-        """Return the motion."""
         return motion_from_text(self.motion)
 
     def force(self, time: ArrayLike) -> FloatArray:

@@ -1,10 +1,10 @@
-"""Scores of a tracking run: for all samples, and for the feasible ones that the damper can reach.
+"""Scores of a tracking run, for all samples and for the feasible samples.
 
-A semi-active damper cannot push. Its attainable range is found by two simulations of the same motion at the
-actual temperature, one at zero current and one at the highest current. At each time t, lo(t) is the lower and
-hi(t) the higher of the two forces. A sample is feasible if the target is between lo and hi, with a margin of
-at most 20 N to both ends. The error always refers to the original target. A target that is clipped to the
-range would depend on history, and even the best current would have an error.
+A semi-active damper cannot push. The forces that it can produce are found by simulating the motion twice,
+with zero current and with the highest current. At each time t, lo(t) is the lower and hi(t) the higher of the
+two forces. A sample is feasible if the target is between lo and hi and at least a margin (20 N or less) away
+from both. The tracking error always refers to the original target, not to a target that is limited to lo and
+hi.
 
 All scores are computed at the time steps of the plant, without the unscored beginning of the scenario.
 """
@@ -31,10 +31,11 @@ class AttainableRange:
     high: FloatArray  # largest possible force [N]
 
     def feasible(self, target: FloatArray, *, margin_N: float | None = None) -> BoolArray:
-        """Return True for every sample at which the damper can produce the target [N] (feasible target).
+        """Return True for every sample at which the damper can produce the target [N].
 
-        A feasible target is inside the range and at least the margin away from both ends. The default margin
-        is 20 N, or 2.5 % of the largest absolute target if this is smaller.
+        Such a target is feasible: above the lowest and below the highest possible force, by at least the
+        margin. The default margin is 20 N, or 2.5 % of the largest absolute target if this value is below 20
+        N.
         """
         if margin_N is None:
             margin_N = min(SETTINGS.margin_N, SETTINGS.margin_ratio_max * float(np.abs(target).max()))
@@ -69,7 +70,7 @@ class Score:
 def attainable_range(
     plant: Plant, course: ReferenceTrajectory, temperature_degC: float, highest_A: float
 ) -> AttainableRange:
-    """Return the range of forces that the damper can produce in a motion from its present state."""
+    """Return the range of forces that a damper (plant) can produce in a motion."""
     ends = [
         plant.copy().advance_many(course.displacement, course.velocity, current, temperature_degC)
         for current in (0.0, highest_A)
@@ -140,7 +141,7 @@ def _percent(value: float | None, of: float) -> float | None:
 
 
 def combine_worst(scores: Sequence[Score]) -> Score:
-    """Return the worst value of each score over several runs: min of a fraction, max of an error or power."""
+    """Return the worst value of each score: min of fractions, max of other scores."""
     if not scores:
         raise InputError(place="scores", found="there are no scores")
     found: dict[str, float | None] = {}

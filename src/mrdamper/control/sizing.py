@@ -1,8 +1,9 @@
-"""Targets for a damper of any size, as fractions of the damper's force at the largest current and 20 degC.
+"""Targets for a damper of any size, as fractions of the force of this damper.
 
-The three targets of the virtual rig suit a damper of 1.7 kN and 12 mm. For another damper, the amplitude of
-each target is the same fraction of the damper's force. The amplitude of the motion fits its stroke and speed.
-The offset of the target is the gas force at the temperature of the test.
+The three targets of the virtual rig were chosen for a damper with 1.7 kN and 12 mm stroke. For another
+damper, each target keeps its ratio of amplitude to damper force. This damper force is simulated at the
+largest current and 20 degC. Stroke and speed of the motion stay inside the ranges of the damper. The offset
+of the target is the gas force at the test temperature.
 """
 
 from __future__ import annotations
@@ -67,14 +68,14 @@ def size_targets(plant: Plant, highest_A: float, motions: Sequence[str] = ()) ->
 
 
 def shift_to_temperature(plant: Plant, scenario: Scenario, temperature_degC: float) -> Scenario:
-    """Return a scenario at another temperature [degC]. The offset of its target follows the gas force."""
+    """Return a scenario at another temperature; its target offset is the gas force."""
     low, high = _ends(plant, scenario, 0.0, temperature_degC)
     target = replace(scenario.target, offset_N=round(0.5 * (low + high), 1))  # type: ignore[type-var]
     return replace(scenario, target=target, temperature_degC=temperature_degC)
 
 
 def _replace_motion(scenario: Scenario, motion: str) -> Scenario:
-    """Return the scenario with another motion. The v0 of a velocity target is scaled with the peak speed."""
+    """Return the scenario with another motion, and with v0 scaled by the RMS velocity."""
     target = scenario.target
     if isinstance(target, VelocityTarget):
         times = np.linspace(0.0, scenario.duration_s, 2001)
@@ -89,7 +90,7 @@ def _ends(
     current: float,
     temperature_degC: float = SETTINGS.sizing_temperature_degC,
 ) -> tuple[float, float]:
-    """Simulate a scenario at constant current; return min and max force [N] without short peaks."""
+    """Simulate a scenario at constant current; return the result of ``ends_of``."""
     course = reference_trajectory(scenario, plant.step_s)
     force = plant.copy().advance_many(course.displacement, course.velocity, current, temperature_degC)
     return ends_of(force[course.scored_from :])

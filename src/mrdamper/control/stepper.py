@@ -1,8 +1,8 @@
 """Common base of the controllers and the real-time model, whose steps are computed in C.
 
-A stepper is a small frozen object with a configuration and tables. The kernel object
-(``core/kernel/track_*.h``) is built from them once. The state is an object of type bytes. ``StateEstimate``
-contains the values in the state, and ``Flag`` the faults and events of the last step.
+A stepper is a small frozen object with a configuration and tables. A C structure (``core/kernel/track_*.h``)
+is built once from configuration and tables. The state is an object of type bytes. ``StateEstimate`` contains
+the values in the state. ``Flag`` contains the faults and events of the last step.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ class Flag(IntFlag):
     NO_TARGET = 64  # the target is NaN: zero is used
     NO_FORCE = 128  # the force reading is missing although the controller uses force feedback
     OUTSIDE_MOTION = 256  # displacement or velocity is outside the range of the data
-    OUTSIDE_TEMPERATURE = 512  # the temperature is outside the range of the model: the nearest end is used
+    OUTSIDE_TEMPERATURE = 512  # temperature outside the model's range: its lowest or highest value is used
     INFEASIBLE = 1024  # the damper cannot produce the wanted force at any current
     # The controller's command is at its minimum or maximum, or the real-time model got a current beyond them.
     SATURATED = 4096
-    # The real-time model got a current that is NaN or far outside its range. It uses the last valid current,
-    # later zero.
+    # The real-time model received a current that is NaN or far outside its range. The model uses the last
+    # valid current. After some time without a valid current, it uses zero.
     NO_CURRENT = 8192
     FROZEN_TEMPERATURE = 16384  # the temperature is constant although the supplied energy warms the damper
     NO_VELOCITY = 32768  # the velocity is beyond its limit; the model estimates it from the displacement
@@ -55,12 +55,12 @@ class StateEstimate:
     command: float  # last command [A or V]
     applied: float  # command after delay, lags and magnetic hysteresis [A or V]
     temperature: float  # [K]
-    # The next four values are the parts of the model's force at the applied command [N].
+    # The model force is the sum of the next four values [N], computed for the applied command.
     yield_force: float
     viscous_force: float
     friction_force: float
     other_force: float
-    disturbance: float  # estimated force error of the model times the sign of the velocity [N]
+    disturbance: float  # observed error of the model force times the sign of the velocity [N]
     flags: Flag
 
     @property
@@ -104,7 +104,6 @@ class Stepper:
 
     @property
     def largest(self) -> float:
-        """Return the largest command, or the largest current of the tables [A or V]."""
         return self.config.axes.largest
 
     def start(self) -> bytes:

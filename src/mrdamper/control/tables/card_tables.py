@@ -1,9 +1,9 @@
 """Tables of a damper, which replace powers, exponentials and polynomials in the step of a controller.
 
-Each coefficient of the law is a sum of terms. A term is the product of a function of current (a *column* of
-the table) and a function of temperature (a *factor*). A coefficient that does not depend on current is a
-single factor, called a *level*. Coefficients that are zero are omitted. The universal curve of the hysteresis
-and the functions of speed are piecewise cubics (``lookup``). ``track_tables.h`` reads the tables.
+Each coefficient of the hysteresis law depends on current and temperature. It is stored as a sum of terms. A
+term is a function of current (a *column* of the table) times a function of temperature (a *factor*). A
+coefficient that does not depend on current is only a factor. The normalised hysteresis curve and the
+functions of speed are piecewise cubics (``lookup``). The C file ``track_tables.h`` evaluates the tables.
 
 The tables are as small as their tolerances permit, and the error is measured when the tables are built.
 Linear interpolation in current deviates by at most ``current_tolerance`` of the largest yield force. For a
@@ -54,10 +54,10 @@ CURVES = ("loading", "unloading", "unload_map", "reload_map", "reload_map_rest")
 SPEEDS = ("viscous", "sliding", "breakaway", "saturation")
 """Names of the lookup tables that are functions of speed, in the kernel's order."""
 
-LEVEL_ROW_COUNT = 6  # Only the first six coefficients can have terms that do not depend on current.
-_GROUPS = (0, 6, 7, 8, 9)  # Index in ROWS at which each row group of the kernel begins.
+LEVEL_ROW_COUNT = 6  # Only the first six rows can have terms that do not depend on current.
+_GROUPS = (0, 6, 7, 8, 9)  # Index of the first row in each group of rows, as grouped in the kernel
 _PIECES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
-TERM_COUNT_MAX = 48  # the same value as MRD_TRACK_TERMS in the kernel
+TERM_COUNT_MAX = 48  # max number of terms; equals MRD_TRACK_TERMS in the kernel
 _SHAPES = (
     "viscous_exponent", "stribeck_velocity", "transition_velocity", "kappa", "n", "saturation_velocity",
     "yield_velocity",
@@ -68,25 +68,24 @@ _SHAPES = (
 class DamperTables:
     """Tables of the coefficients of a damper versus current and temperature, with their axes."""
 
-    currents: FloatArray  # [A or V], rising from 0, denser where the force curve bends, shape (n,)
-    temperatures: FloatArray  # ends of the equal pieces of the temperature range [K], shape (pieces + 1,)
-    rows: tuple[int, ...]  # index in ROWS of each term; terms that do not depend on current are first
-    factor: FloatArray  # coefficients of each term's parabolas in temperature, shape (pieces, terms, 3)
-    column: FloatArray  # functions of current of the terms that depend on current, shape (n, columns)
+    currents: FloatArray  # [A or V], rising from 0, shape (n,); closer where the coefficients are curved
+    temperatures: FloatArray  # boundaries of equal intervals (pieces) of temperature [K], shape (pieces + 1,)
+    rows: tuple[int, ...]  # index in ROWS of each term's coefficient; terms without current are first
+    factor: FloatArray  # parabola of temperature of each term in each piece, shape (pieces, terms, 3)
+    column: FloatArray  # function of current of each term that depends on current, shape (n, columns)
     elements: int
     saturating: bool
     curve: CurveTables
     speed: SpeedTables
-    series: SeriesTables | None = None  # series valve and chain use only these tables
+    series: SeriesTables | None = None  # only these tables are used for the laws series-valve and chain
 
     @property
     def lookups(self) -> tuple[LookupTable, ...]:
-        """Return all lookup tables in the kernel's order: ``CURVES``, then ``SPEEDS``."""
         of_curve = tuple(getattr(self.curve, name) for name in CURVES)
         return (*of_curve, *(getattr(self.speed, name) for name in SPEEDS))
 
     def axes(self, period: float) -> Axes:
-        """Return the part ``Axes`` of the kernel's configuration for a sampling period [s]."""
+        """Return the part ``Axes`` of a configuration for a sampling period [s]."""
         return Axes(
             period=period,
             largest=float(self.currents[-1]),
@@ -95,9 +94,10 @@ class DamperTables:
         )
 
     def law(self, *, substeps: int) -> Law:
-        """Return the part ``Law`` of the kernel's configuration.
+        """Return the part ``Law`` of a configuration.
 
-        Only series valve and chain use ``substeps``, the number of integration steps per sampling period.
+        ``substeps`` is the number of integration steps per sampling period for ``series-valve`` and
+        ``chain``.
         """
         return Law(
             series=self.series is not None and not self.series.is_chain,
@@ -110,12 +110,12 @@ class DamperTables:
 
     @property
     def levels(self) -> int:
-        """Return the number of table terms that do not depend on current (levels)."""
+        """Return the number of terms that do not depend on current."""
         return len(self.rows) - int(self.column.shape[1])
 
     @property
     def begin(self) -> tuple[int, ...]:
-        """Return the first column of each group of coefficients, and at the end the number of columns."""
+        """Return the first column of each row group, then the number of columns."""
         of_columns = self.rows[self.levels :]
         return tuple(sum(row < first for row in of_columns) for first in (*_GROUPS, len(ROWS)))
 
@@ -123,7 +123,7 @@ class DamperTables:
     def quarters(self) -> tuple[int, ...]:
         """Return the indices of 0, 1/4, 1/2, 3/4 and 1 times the largest current in ``currents``.
 
-        The model bank evaluates its models at these currents.
+        These are the five constant currents of the controller ``paper``.
         """
         wanted = np.linspace(0.0, float(self.currents[-1]), 5)
         return tuple(int(np.argmin(np.abs(self.currents - each))) for each in wanted)
@@ -137,7 +137,7 @@ class DamperTables:
         return np.stack([row[6] + row[7] for row in rows])
 
     def evaluate(self, kelvin: float) -> FloatArray:
-        """Return all ten coefficients (rows) at all currents for one temperature as in C, shape (10, n)."""
+        """Return all rows at all currents for one temperature, as in C, shape (10, n)."""
         low, high, pieces = self.temperatures[0], self.temperatures[-1], len(self.factor)
         fraction = (kelvin - low) / (high - low) if high > low else 0.0
         place = float(np.clip(fraction, 0.0, 1.0)) * pieces
@@ -161,14 +161,14 @@ def tabulate(
     Parameters
     ----------
     speed : maximum speed of the tables [m/s]
-    temperatures : lowest and highest temperature [K]; None: the temperature range of the damper, or only
-        20 degC if the damper has no range
+    temperatures : lowest and highest temperature [K]; None: the temperature range of the damper, or only 20
+        degC if this range is unknown
 
     Raises
     ------
     InputError
-        If the law cannot be tabulated, the shape of its hysteresis curve depends on current or temperature,
-        or the law is not well posed at a point of the grid.
+        If the hysteresis law cannot be tabulated, its curve shape depends on current or temperature, or a
+        coefficient is invalid.
     """
     if not (math.isfinite(largest) and largest > 0.0):
         raise InputError(
@@ -211,7 +211,7 @@ def tabulate(
         column=column,
         elements=elements,
         saturating=saturating,
-        # A law without shape coefficients has the hysteresis curve of the Dahl law.
+        # A hysteresis law without the coefficients kappa and n has the curve of the Dahl law.
         curve=universal_curve(shapes.get("kappa", -1.0), shapes.get("n", 1.0)) if elements else no_curve(),
         speed=functions_of_speed(
             {ROWS[row] for row in rows}, shapes, speed, saturating=saturating, memoryless=elements == 0
@@ -220,7 +220,7 @@ def tabulate(
 
 
 def _complete_series_tables(series: SeriesTables, temperatures: FloatArray, largest: float) -> DamperTables:
-    """Return ``series`` with minimal versions of the other tables, which the kernel requires but ignores."""
+    """Complete ``series`` by placeholders for tables that the kernel does not use."""
     pieces = max(len(temperatures) - 1, 1)
     return DamperTables(
         currents=np.linspace(0.0, largest, 9),
@@ -260,10 +260,9 @@ def _rows(values: dict[str, FloatArray]) -> FloatArray:
 def _scales(rows: FloatArray) -> FloatArray:
     """Return the scale of each coefficient (row). Tolerances are relative to these scales.
 
-    The scale of a force is the largest yield force, or the force at a low speed if this is larger. The reason
-    is that a passive damper may have no yield force. Stiffness and mass are converted to forces with a stroke
-    and an acceleration that few dampers exceed. The scale of a viscosity or of an inverse yield displacement
-    is the maximum of the row.
+    A force has the largest yield force as scale. A passive damper may have no yield force; then its force at
+    a low speed is used. For stiffness and mass, this scale is divided by a typical stroke or acceleration.
+    The scale of a viscosity or of an inverse yield displacement is its maximum.
     """
     own = np.abs(rows).max(axis=(1, 2))
     passive = own[0] + own[3] * SETTINGS.low_speed_m_s + own[4] + own[5]
@@ -281,10 +280,11 @@ def _scales(rows: FloatArray) -> FloatArray:
 def _current_fractions(
     rows: FloatArray, scale: FloatArray, tolerance: float = SETTINGS.current_tolerance
 ) -> FloatArray:
-    """Return grid points, as fractions of the largest current, for linear interpolation within a tolerance.
+    """Return table currents as fractions of the largest current.
 
-    The grid contains the multiples of 1/8. The intervals between them are as long as the tolerance permits.
-    If the grid has too many points, the tolerance is doubled.
+    Linear interpolation between them is within the tolerance. The multiples of 1/8 are always included. Other
+    intervals are as long as the tolerance permits. The tolerance is doubled until there are few enough
+    currents.
     """
     count = rows.shape[2] - 1
     there = scale > 0.0
@@ -314,12 +314,11 @@ def _current_fractions(
 
 
 def _terms(rows: FloatArray, scale: FloatArray) -> tuple[tuple[int, ...], FloatArray, FloatArray, int]:
-    """Decompose coefficients into terms; return row, factor and column of each term, and the piece count.
+    """Return row, factor and column of each term, and the number of temperature parts.
 
-    Each row is a coefficient: a matrix whose axes are temperature and current. It is decomposed by cross
-    approximation: the first term is the rank-one matrix that equals the row at the temperature and at the
-    current of the row's largest entry. The remainder is decomposed in the same way. The piece count is the
-    number of pieces of the temperature axis.
+    Each row contains a coefficient as a matrix with the axes temperature and current. Cross approximation
+    subtracts one term after another from this matrix. The term is the rank-one matrix that equals the
+    remaining matrix in the line and in the column of its largest element.
     """
     levels: list[tuple[int, FloatArray]] = []
     columns: list[tuple[int, FloatArray, FloatArray]] = []
@@ -353,7 +352,7 @@ def _terms(rows: FloatArray, scale: FloatArray) -> tuple[tuple[int, ...], FloatA
 
 
 def _parabolas(values: FloatArray, pieces: int) -> FloatArray:
-    """Return the coefficients of the parabolas through the ends and the middle of each piece.
+    """Return parabolas through the first, middle and last value of each piece.
 
     The result has shape (terms, pieces, 3), lowest power first.
     """
@@ -363,7 +362,7 @@ def _parabolas(values: FloatArray, pieces: int) -> FloatArray:
 
 
 def _parabola_values(cells: FloatArray, count: int) -> FloatArray:
-    """Evaluate the piecewise parabolas of each term at ``count`` evenly spaced points over all pieces.
+    """Evaluate the parabolas of each term at ``count`` evenly spaced temperatures.
 
     ``cells`` has shape (terms, pieces, 3), the result (terms, count).
     """

@@ -5,9 +5,10 @@ A constant reading is rejected if the energy supplied to the damper should have 
 serves only to detect this fault. The package ``thermal`` predicts temperatures.
 
 The reading of a damper in thermal equilibrium is constant for hours. To prevent false alarms, the expected
-warming is computed with the largest possible loss: ``loss_ratio_max`` times the nominal loss, to the coldest
-possible surroundings (``ambient_K``, or the lowest temperature so far). Therefore a sensor that sticks near
-equilibrium or during cooling is not detected.
+warming is computed with the largest possible heat loss: ``loss_ratio_max`` times the nominal conductance. For
+the same reason, the surroundings are assumed to be as cold as possible (``ambient_K``, or the lowest
+temperature so far). Therefore a sensor that sticks near thermal equilibrium or during cooling is not
+detected.
 """
 
 from __future__ import annotations
@@ -24,12 +25,15 @@ from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.model.lumped import lumped_network
 
-_RISE_K = 60.0  # temperature rise above ambient at which the heat loss of a geometry is computed
+_RISE_K = 60.0  # temperature above ambient at which the heat loss of a damper geometry is computed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Heating:
-    """Heat capacity, loss and coil of a damper as one body. A capacity of 0 disables the detection."""
+    """Heat capacity, heat loss and coil of a damper, modelled as one body.
+
+    A capacity of 0 disables the detection of a stuck thermometer.
+    """
 
     capacity_J_K: NotNegative
     loss_W_K: NotNegative
@@ -45,9 +49,9 @@ class Heating:
 
     @classmethod
     def from_drawing(cls, drawing: DamperDrawing) -> Heating:
-        """Return the heat balance of a geometry: total heat capacity, and heat loss 60 K above ambient.
+        """Return the heat balance of a damper geometry.
 
-        The heat loss includes fins and mount.
+        The capacity is the sum of all parts. The loss is computed 60 K above ambient, with fins and mount.
         """
         network = lumped_network(drawing)
         loss = float(np.interp(network.ambient + _RISE_K, network.grid, network.watts.sum(axis=0)) / _RISE_K)
@@ -66,10 +70,10 @@ class Heating:
         return _paper()
 
     def config(self, command_unit: str, *, extrapolate: bool) -> HeatBalance:
-        """Return the heat balance for the kernel, which detects a stuck temperature reading.
+        """Return the heat balance in the form that the kernel uses.
 
-        The kernel then sets a flag. If ``extrapolate`` is True, the kernel also estimates the temperature
-        from the supplied energy.
+        The kernel sets a flag if the temperature reading is stuck. If ``extrapolate`` is True, the kernel
+        also estimates the temperature from the supplied energy.
         """
         amperes = 1.0 if command_unit == "A" else self.amperes_per_volt or 0.0
         return HeatBalance(

@@ -1,9 +1,9 @@
-"""Binned lookup tables: the universal curve of the hysteresis, and the functions of speed.
+"""Lookup tables of the normalised hysteresis curve and of the functions of speed.
 
-A table is piecewise cubic. The cell width doubles with every octave of the argument because the functions
-bend most strongly near zero. Each table has as few cells as its error limit permits. The limit applies to all
-test points and is ``curve_error`` (hysteretic state) or ``speed_error`` (function of speed).
-``track_tables.h`` reads the tables.
+A table is piecewise cubic. Most functions are strongly curved near zero. Therefore the cell width doubles
+with every octave of the argument. Each table has as few cells as its error limit permits. The limit applies
+to all test points and is ``curve_error`` (hysteretic state) or ``speed_error`` (function of speed). The C
+file ``track_tables.h`` evaluates the tables.
 """
 
 from __future__ import annotations
@@ -67,8 +67,8 @@ def tabulate_lookup(
 ) -> LookupTable:
     """Return the table of a function from 0 to ``end`` by piecewise cubic Hermite interpolation.
 
-    Below ``fine``, all cells have the same width. If ``rising`` is True, the table is kept monotone (Fritsch
-    & Carlson): the slope at the ends of each cell is limited to three times the secant slope.
+    Below ``fine``, all cells have the same width. If ``rising`` is True, the interpolation is monotone
+    (Fritsch & Carlson): the slopes at both sides of a cell are limited to three times its secant slope.
     """
     offset = 2.0 ** math.floor(math.log2(fine))
     octaves = max(1, math.ceil(math.log2((end + offset) / offset)))
@@ -119,10 +119,6 @@ def fit_lookup(
 
 
 def _error(table: LookupTable, value: _Function, weight: _Function, end: float, places: FloatArray) -> float:
-    """Return the largest weighted error of a table, compared at ``end`` and at ``places`` in each cell.
-
-    ``places`` are relative positions in a cell, 0 to 1.
-    """
     per = 2**table.bits
     octave, place = np.divmod(np.arange(len(table.cell)), per)
     begin = table.offset * 2.0**octave * (1.0 + place / per) - table.offset
@@ -134,14 +130,15 @@ def _error(table: LookupTable, value: _Function, weight: _Function, end: float, 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CurveTables:
-    """Tables of the two branches, loading and unloading, of the universal hysteresis curve w(travel).
+    """Tables of the loading and unloading branch of the hysteresis curve w(travel).
 
-    Both branches start at w = 0. After a reversal at w, the motion continues at -w on the other branch.
-    ``unload_map`` and ``reload_map`` convert the position (travel) on one branch to the position on the other
-    branch. All positions are absolute values.
+    Both branches begin at w = 0 and travel 0. After a reversal at w, the motion continues on the other
+    branch, at the point with -w. ``unload_map`` converts the travel on the loading branch to the travel at
+    this point of the unloading branch. ``reload_map`` is the inverse function. All values are absolute
+    values.
     """
 
-    unloaded: float  # travel of the unloading branch from w = -1 to 0
+    unloaded: float  # travel of the unloading branch between w = 0 and w = -1
     loading: LookupTable  # |w| versus travel on the loading branch
     unloading: LookupTable  # |w| versus travel on the unloading branch
     unload_map: LookupTable  # position on the unloading branch versus position on the loading branch
