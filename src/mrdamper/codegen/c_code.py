@@ -87,7 +87,7 @@ def flag_texts() -> tuple[FlagText, ...]:
 def c_files(target: Target, record: Verification | None = None) -> dict[str, str]:
     """Return the texts of all exported C files and their README, by file name.
 
-    If the ``record`` of a verification is given, the README contains the code sizes from this record.
+    If the ``record`` of a verification is given, the README contains its measured code sizes.
     """
     name = target.name
     context = _context(target) | {"record": record}
@@ -176,7 +176,7 @@ def banner(target: Target) -> str:
 
 @cache
 def environment() -> Environment:
-    """Return the Jinja environment with the templates and the filter ``plain``."""
+    """Return the Jinja environment; its filter ``plain`` makes texts safe in C comments."""
     import jinja2
 
     made = jinja2.Environment(
@@ -224,7 +224,7 @@ def _thermal(target: Target) -> dict[str, Value]:
 
 
 class _Print:
-    """The C text of all structs and tables of a target, or of its thermal model. Equal tables are shared."""
+    """C text of all structs and tables of an export part; equal tables are shared."""
 
     def __init__(self, target: Target, *, thermal: bool = False) -> None:
         self.arrays: list[_Array] = []
@@ -280,7 +280,7 @@ class _Print:
 
 @lru_cache(maxsize=8)
 def _print_parts(target: Target, *, thermal: bool = False) -> _Print:
-    """Return the C text of structs and tables of a target or of its thermal model; cached."""
+    """Return the C text for model and controller, or for the thermal model; cached."""
     return _Print(target, thermal=thermal)
 
 

@@ -1,8 +1,9 @@
-"""Write an FMU for co-simulation (FMI 2.0) with C sources and a binary for this machine.
+"""Write an FMU for co-simulation (FMI 2.0), with C sources and a compiled library.
 
-The FMU contains the unchanged C files of ``c_code``, and the file ``fmi2.c``, which includes them. Each
-instance of the FMU has separate parameters and a separate state. The same target gives the same sources and
-the same GUID (*token*). An FMU is written only if its sources passed the verification.
+The FMU contains the unchanged C files of ``c_code``, and the file ``fmi2.c``, which includes them. The FMU
+can be instantiated several times, because each instance has its own parameters and state. The same export
+options and model card give the same sources and the same GUID (*token*). An FMU is written only if its
+sources passed the verification.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ _LOGGED = {
     "logStatusError": "a call that failed",
     "logAll": "everything",
 }
-_NO_DEPENDENCIES = ""  # Outputs change only in a time step. Therefore no output depends directly on an input.
+_NO_DEPENDENCIES = ""  # Inputs act in the next time step, so that no output depends directly on an input.
 
 
 def write_fmu(target: Target, path: str | Path, *, verification: Verification) -> None:
@@ -190,7 +191,7 @@ def description_of(target: Target) -> str:
 def model_description(
     target: Target, variables: Sequence[Variable], *, token: str, sources: Sequence[str]
 ) -> str:
-    """Return the text of modelDescription.xml. A simulator has to compile the C files ``sources``."""
+    """Return modelDescription.xml, with the names ``sources`` of the C files to compile."""
     about = {
         "fmiVersion": "2.0",
         "modelName": target.name,
@@ -236,7 +237,6 @@ def _add(parent: Tree.Element, tag: str, attributes: dict[str, str] | None = Non
 
 
 def _add_surroundings(root: Tree.Element, target: Target, variables: Sequence[Variable]) -> None:
-    """Add the XML elements for units, log categories and the default experiment."""
     units = _add(root, "UnitDefinitions")
     for name in dict.fromkeys(each.unit for each in variables if each.unit):
         unit = UNITS[name]
@@ -269,7 +269,6 @@ def _initial(variable: Variable) -> dict[str, str]:
 
 
 def _values(variable: Variable) -> dict[str, str]:
-    """Return unit, range and start value of a variable as XML attributes."""
     values: dict[str, str] = {}
     if variable.kind == "real":
         if variable.unit:

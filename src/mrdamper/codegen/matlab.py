@@ -1,4 +1,4 @@
-"""Write the MATLAB folder: a MAT file with card and force map, functions that read it, and tables as text.
+"""Write a folder with the force map for MATLAB, Octave and Modelica.
 
 ``damper.mat`` contains the struct ``damper``: description and coefficients of the card, and a field ``map``
 with breakpoints and tables. The dimensions of the tables are (temperature, command, velocity), as the n-D

@@ -33,7 +33,7 @@ class Verification:
     outputs: Mapping[str, Difference] = field(default_factory=dict)
     thermal_K: Mapping[str, float] = field(default_factory=dict)  # largest difference of each temperature
     problems: tuple[str, ...] = ()  # reasons why the verification failed
-    flags_raised: Mapping[str, Mapping[str, int]] = field(default_factory=dict)  # samples by part and flag
+    flags_raised: Mapping[str, Mapping[str, int]] = field(default_factory=dict)  # samples with flag, by part
     compiler: str = ""
     compiler_version: str = ""
     compiler_flags: tuple[str, ...] = ()

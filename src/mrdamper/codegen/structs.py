@@ -21,7 +21,7 @@ from mrdamper.control.tables.series import Power, SeriesTables
 from mrdamper.thermal.compact import PARTS, POINT_COUNT, UPDATE_S, CompactModel, sensor_gains, typical_power
 
 _STILL_K, FROZEN_K, _WRONG_K = 0.1, 5.0, 25.0
-HORIZON_S = 7200.0  # longest predicted time to a limit; equal to MRD_THERMAL_HORIZON in thermal.h
+HORIZON_S = 7200.0  # upper limit of the predicted time until a limit is reached; equals MRD_THERMAL_HORIZON
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,16 +133,17 @@ def steps_between_updates(period_s: float) -> int:
 
 
 def thermal_members(model: CompactModel, period_s: float, amperes_per_command: float) -> dict[str, Value]:
-    """Return the members of the C struct ``mrd_thermal`` for a compact model and a control period [s].
+    """Return the members of the C struct ``mrd_thermal`` for a compact thermal model.
 
-    ``amperes_per_command`` is the coil current divided by the command [A/A or A/V]; 0 if it is unknown.
+    ``period_s`` is the control period. ``amperes_per_command`` is the coil current divided by the command
+    [A/A or A/V]; 0 if it is unknown.
     """
-    power_filter_s = 30.0  # time constant of the power filter for the predicted time to the limit
-    # *Missing heat* is the estimated heat flow that the model does not contain. Without a valid reading, the
-    # estimate decays with this time constant.
+    power_filter_s = 30.0  # time constant of the smoothed power that predicts the time to a limit
+    # *Missing heat* is a heat flow that the thermal model does not contain. It is estimated from temperature
+    # readings. Without a valid reading, the estimate decays with this time constant.
     missing_heat_decay_s = 1800.0
-    missing_heat_max_ratio = 0.3  # max missing heat, divided by the typical power
-    command_min_A = 0.2  # The coil resistance is used as a measurement only above this current.
+    missing_heat_max_ratio = 0.3  # upper limit of the missing heat, divided by the typical power
+    command_min_A = 0.2  # A current below this value is too small to measure the coil resistance.
     surface_kind_count_max = 8
     n, kinds, every = model.states, len(model.law), steps_between_updates(period_s)
     update, power, films = every * period_s, typical_power(model), model.films

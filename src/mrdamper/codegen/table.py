@@ -1,11 +1,11 @@
 """The force map: force versus temperature, command and velocity, for vehicle simulators.
 
-The force of a damper depends on the past motion, but a map has no memory. The map therefore contains three
-forces for each velocity. ``pick`` is the peak-velocity pick of a dynamometer: the force at mid-stroke of a
-steady sine with this peak velocity, where the hysteresis is complete and the acceleration is zero. ``rising``
-and ``falling`` are the two branches of the force-velocity loop of the fastest sine with the same stroke, for
-rising and for falling velocity. All forces are computed by ``models.simulate`` at constant command and
-temperature.
+The force of a damper depends on the past motion, but a table does not. The force map therefore contains three
+forces for each velocity. ``pick`` is the force that a dynamometer measures as peak-velocity pick: a sine has
+this peak velocity, and the force is read at mid-stroke. There the hysteresis force is built up completely and
+the acceleration is zero. ``rising`` and ``falling`` are read from the force-velocity loop of one fast sine,
+where its velocity rises or falls through this velocity. All forces are computed by ``models.simulate`` at
+constant command and temperature.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ class ForceMap:
     temperature: FloatArray  # [K], shape (t,)
     command: FloatArray  # [A or V], shape (c,)
     velocity: FloatArray  # [m/s], rising, shape (v,)
-    pick: FloatArray  # force at mid-stroke of a sine with this peak velocity
+    pick: FloatArray  # force at mid-stroke of a sine whose peak velocity is the velocity in the table
     rising: FloatArray  # force while the velocity rises
     falling: FloatArray
 
     def as_csv(self) -> str:
-        """Return the map as CSV: description lines that begin with #, a header, and one row per point."""
+        """Return the force map as CSV: comment lines, a header, and one row per grid point."""
         card, unit = self.card, self.card.damper.command_unit
         column = "current_A" if unit == "A" else "voltage_V"
         fastest = float(self.velocity[-1])
@@ -77,12 +77,12 @@ class ForceMap:
 
 
 def force_map(card: ModelCard) -> ForceMap:
-    """Return the force map of a card within the card's envelope.
+    """Return the force map of a model card, for commands and motions in its envelope.
 
     Raises
     ------
     InputError
-        If the envelope of the card has no motion, or the card has a user-defined law.
+        If the damper did not move in the runs, or the card has a user-defined hysteresis law.
     """
     speed_count = 12  # number of speeds in each direction; low speeds have a finer grid
     damper, envelope = card.damper, card.envelope
@@ -120,7 +120,7 @@ def force_map(card: ModelCard) -> ForceMap:
 def _branches(
     card: ModelCard, amplitude: float, command: float, kelvin: float, velocity: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return two forces of a steady sine at each velocity: for rising and for falling velocity."""
+    """Return the forces of a sine at each velocity, for rising and falling velocity."""
     loop_sample_count = 4000  # number of samples in one period of the sine
     fastest = float(velocity[-1])
     motion = Sine(amplitude, fastest / (2.0 * math.pi * amplitude))

@@ -34,12 +34,12 @@ _C_WORDS = (
     "volatile", "while", "asm", "main", "bool", "class", "namespace", "template", "new", "delete", "this",
     "public", "private", "try",
 )  # fmt: skip
-_KERNEL_FILES = ("controller", "kernel", "track", "mrd")  # The names of kernel files begin with these words.
+_KERNEL_FILES = ("controller", "kernel", "track", "mrd")  # Names in the kernel begin with these words.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Target:
-    """The input of an export. ``model`` or ``controller`` is None unless it is exported."""
+    """Input of an export; ``model`` or ``controller`` is None unless it is exported."""
 
     name: str  # C identifier with which all names and file names of the code begin
     card: ModelCard
@@ -59,12 +59,10 @@ class Target:
 
     @property
     def law(self) -> str:
-        """Return the name of the law of the card."""
         return self.card.damper.law.name
 
     @property
     def command_unit(self) -> str:
-        """Return the unit of the command: A or V."""
         return self.card.damper.command_unit
 
     @property
@@ -121,14 +119,14 @@ def target_of(
     controller : name of the controller, one of ``control.controllers.NAMES``
     name : C identifier that is the prefix of every name in the code
     largest : largest command [A or V]; None: from the card
-    heating : heat balance for the detection of a stuck thermometer; None: values of the paper's damper
+    heating : heat balance for the detection of a stuck thermometer; None: heat balance of the damper in the
+        reference paper
 
     Raises
     ------
     InputError
-        If an option or the name is invalid, the law has no real-time model, or the period is too long for the
-        lags of the card. Also if the period is so short that the dead time has more periods than the delay
-        line of the kernel.
+        If an option or the name is invalid, or the hysteresis law has no real-time model. Also if the period
+        is too long for the lags of the damper, or too short for the memory of past commands.
     """
     for what, found, choices in (("content", content, CONTENTS), ("precision", precision, PRECISIONS)):
         if found not in choices:
@@ -172,7 +170,7 @@ def _check_name(name: str) -> None:
 
 
 def _check_step(period_s: float) -> None:
-    step_range_s = (50e-6, 10e-3)  # The motion filter is designed for sampling periods in this range.
+    step_range_s = (50e-6, 10e-3)  # range of sampling periods for which the motion filter is designed
     low, high = step_range_s
     if not low <= period_s <= high:
         raise InputError(

@@ -60,8 +60,8 @@ UNITS: Mapping[str, Unit] = {
 class Variable:
     """One variable of an FMU.
 
-    ``place`` is the C struct member that a parameter sets. An output of flags is true if one of the flags in
-    ``bits`` is set.
+    ``place`` is the C struct member that a parameter sets. ``bits`` belongs to a Boolean output for flags.
+    The output is True if one of the flags in ``bits`` is set.
     """
 
     name: str
@@ -85,7 +85,10 @@ class Variable:
 def tunable(
     name: str, unit: str, start: float, low: float, high: float, description: str, place: str
 ) -> Variable:
-    """Return a real parameter that can change between time steps."""
+    """Return a real parameter that can change between time steps.
+
+    ``place`` is the C struct member that stores the parameter.
+    """
     return Variable(
         name=name, description=description, kind="real", causality="parameter", variability="tunable",
         unit=unit, start=start, low=low, high=high, place=place,
@@ -235,10 +238,10 @@ def _parameters(target: Target) -> Iterator[Variable]:
 def _tunables(target: Target) -> Iterator[Variable]:
     """Generate the parameters that can change between time steps, each with its C struct member."""
     for part, source in target.parts.items():
-        # If model and controller are both exported, the names of their parameters have a prefix.
+        # A prefix distinguishes the parameters of model and controller if both are exported.
         owner = "" if target.content != "both" else "damper_" if part == "model" else "controller_"
-        # An FMU with both parts is used for simulation, where a constant temperature is no sensor fault.
-        # Therefore the temperature is not extrapolated.
+        # An FMU with model and controller is used for simulation, where a constant temperature is no sensor
+        # fault. Therefore the temperature is not extrapolated.
         config = source.config
         if target.content == "both":
             config = replace(config, heating=replace(config.heating, extrapolate=False))
@@ -280,7 +283,6 @@ def _tunable(part: str, config: Config, unit: str) -> Iterator[Variable]:
 
 
 def _thermal(model: CompactModel) -> Iterator[Variable]:
-    """Generate the tunable parameters of the thermal model: limits, coil resistance, default air speed."""
     nominal = model.resistance
     named = {
         **{
@@ -314,9 +316,9 @@ def _command_name(target: Target) -> str:
 
 
 def _rounded(variable: Variable) -> Variable:
-    """Round start value and range of a C parameter to single precision.
+    """Round start value and range of a parameter to single precision.
 
-    Variables that are not C parameters are double in C and stay unchanged.
+    The code stores parameters in single precision. All other variables are double and stay unchanged.
     """
     if not (variable.place and variable.start is not None):
         return variable

@@ -27,7 +27,7 @@ controller. NaN means that an input is unknown.
 
 @dataclass(frozen=True, slots=True)
 class _Limits:
-    """Time step [s], and limits of motion, command, force and temperature in the envelope."""
+    """Time step [s] and limits of motion, command, force and temperature for the inputs."""
 
     step: float
     stroke: float
@@ -55,7 +55,7 @@ def envelope_rows(target: Target, samples: int = 100_000, seed: int = 1) -> dict
     pieces = [make(limits, count, rng) for count, (_, make) in zip(counts, segments, strict=True)]
     pieces.append(_random(limits, samples - sum(counts), rng))  # All readings are valid again at the end.
     rows = {name: np.concatenate([piece[name] for piece in pieces]) for name in COLUMNS}
-    rows["temperature"][:20] = np.nan  # The temperature is unknown in the first samples.
+    rows["temperature"][:20] = np.nan  # Begin without a temperature reading.
     velocity_known = np.repeat(rng.random(samples // 130 + 1) < 0.5, 130)[:samples]
     rows["velocity"][~velocity_known] = np.nan
     return rows
@@ -96,7 +96,8 @@ def _limits_of(target: Target) -> _Limits:
     envelope, axes = target.card.envelope, target.any_part.config.axes
     stroke = max(map(abs, envelope.displacement)) or 1e-3
     speed = max(map(abs, envelope.velocity)) or 1e-2
-    within = max(min(map(abs, envelope.displacement)), 0.1 * stroke)  # amplitude of a sine
+    # amplitude [m] inside both stroke limits
+    within = max(min(map(abs, envelope.displacement)), 0.1 * stroke)
     motion = Sine(within, speed / (2.0 * np.pi * within))
     strongest = steady_cycle(target.card.damper, motion, target.largest, axes.coldest)
     force = strongest.peak_N + 1.0
@@ -106,7 +107,10 @@ def _limits_of(target: Target) -> _Limits:
 
 
 def _noise(rng: np.random.Generator, count: int, step: float, slowest: float, fastest: float) -> FloatArray:
-    """Return a sum of sines with random periods between two limits [s]; the values are within -1 to 1."""
+    """Return a sum of sines with random periods [s] from ``fastest`` to ``slowest``.
+
+    The values are within -1 to 1.
+    """
     sine_count = 12
     t = step * np.arange(count)
     periods = np.exp(rng.uniform(np.log(slowest), np.log(fastest), sine_count))
@@ -116,7 +120,7 @@ def _noise(rng: np.random.Generator, count: int, step: float, slowest: float, fa
 
 
 def _moving(limits: _Limits, count: int, rng: np.random.Generator, times: float = 1.0) -> FloatArray:
-    """Return a random displacement [m] whose stroke and approximate speed are those in ``limits``.
+    """Return a random displacement [m] with the stroke and roughly the speed in ``limits``.
 
     The result is multiplied by ``times``.
     """

@@ -1,6 +1,6 @@
-"""Rules that compute controller parameters from the card's actuation, sampling period and sensor noise.
+"""Rules that compute controller parameters from lags, sampling period and sensor noise.
 
-The constants of these rules are in the module ``settings``. None of them is tuned to one damper. The rules:
+The names in double quotes are constants in the module ``settings``. They are the same for all dampers.
 
 *Motion filter.* A steady-state Kalman filter estimates position, velocity and acceleration from the
 displacement. Its motion model has white-noise jerk. A jerk density of 1 m/s^3 per root Hz gives a velocity
@@ -9,19 +9,20 @@ noise of 0.9 mm/s for a sensor with 10 um noise at 1 kHz.
 *Prediction horizon.* The motion is assumed to be harmonic, so the jerk density of the filter is multiplied by
 ``harmonic_jerk_ratio``. The horizon begins at the end of the dead time and has ``horizon_steps`` time steps.
 It ends when the lags have completed ``horizon_ratio`` of their response to a sudden change of the command. No
-time step is shorter than ``step_ratio_min`` of the time constant of the motion filter. The current of a
-one-quadrant driver can only free-wheel down. In this case, the horizon lasts at least for ``freewheel_ratio``
-of the fall from the largest command to zero. The time steps from the fourth on are then ``freewheel_stretch``
-times as long. The dead time is rounded up to a whole number of periods, or down if rounding up would add more
-than ``late_ratio_max`` of a time step.
+time step is shorter than ``step_ratio_min`` times the time constant of the motion filter. A one-quadrant
+driver cannot force the current down. With such a driver, the horizon lasts at least until the current has
+completed ``freewheel_ratio`` of its fall from the largest command to zero. The time steps from the fourth on
+are then ``freewheel_stretch`` times as long. The dead time is rounded up to a whole number of periods, or
+rounded down if rounding up would add more than ``late_ratio_max`` time steps.
 
-*Prediction cost.* The force error of a time step has ``horizon_fade`` of the weight of the previous time
-step. A change of the command (*move*) costs ``move_cost_ratio`` of the force change that it causes. It also
-costs ``move_cost_error_ratio`` times the force error of the card, because an inaccurate law makes the command
-swing between its limits. The cost is at most ``move_cost_ratio_max`` of the force change, or
-``implicit_move_cost_ratio_max`` for a law with an implicit step. After a reversal, ``recommended`` assumes
+*Prediction cost.* The squared force errors in the horizon are minimised. The weight decreases from each time
+step to the next by the factor ``horizon_fade``. A change of the command (*move*) costs ``move_cost_ratio``
+times the force change that it causes. It also costs ``move_cost_error_ratio`` times the force error in the
+model card, because an inaccurate model makes the command swing between its limits. The cost is at most
+``move_cost_ratio_max`` times the force change. For the hysteresis laws ``chain`` and ``series-valve``, it is
+at most ``implicit_move_cost_ratio_max`` times the force change. After a reversal, ``recommended`` assumes
 that ``settled_ratio`` of the remaining build-up of the hysteresis is complete. ``predictive`` uses the
-hysteresis of the card unchanged. For a law with an implicit step, the computation is spread over at most
+hysteresis of the model unchanged. For ``chain`` and ``series-valve``, one prediction is computed in up to
 ``spread_sample_count_max`` periods. The time steps during the dead time are then ``dead_time_stride`` times
 as long as the time steps of the horizon.
 
@@ -45,12 +46,12 @@ from mrdamper.errors import InputError
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 
-_CLOSE_STEPS = 3  # number of first time steps, never stretched, with the first two moves of a prediction
-_DELAY_LINE = 128  # number of past commands that the kernel stores: MRD_TRACK_DELAY_LINE
+_CLOSE_STEPS = 3  # number of time steps at the beginning of the horizon that are never stretched
+_DELAY_LINE = 128  # number of past commands that the kernel stores; equals MRD_TRACK_DELAY_LINE
 
 
 def actuation_of(damper: Damper) -> Actuation:
-    """Return delay and lags between command and force; for a damper with one lag, only this lag."""
+    """Return the delay and lags of a damper, also if it has only a command lag."""
     if damper.actuation is not None:
         return damper.actuation
     return Actuation(damper.command_lag_s, damper.command_lag_s)
@@ -75,7 +76,7 @@ def sampled_actuation(actuation: Actuation, period_s: float) -> config.Actuation
 
 
 def check_sampling(actuation: Actuation, period_s: float) -> None:
-    """Raise ``InputError`` if a controller samples too slowly for the lag of the force."""
+    """Raise ``InputError`` if the sampling is too slow for the lag of the force."""
     lagless = actuation.delay_s + actuation.rise_s + actuation.second_s == 0.0
     slowest = math.inf if lagless else actuation.response_time(0.95)
     if period_s > slowest:
@@ -91,7 +92,7 @@ def check_sampling(actuation: Actuation, period_s: float) -> None:
 
 
 def check_delay(actuation: Actuation, period_s: float) -> None:
-    """Raise ``InputError`` if the dead time has more commands than the kernel's delay line."""
+    """Raise ``InputError`` if the kernel cannot store all commands of the dead time."""
     samples = actuation.delay_s // period_s
     if samples > _DELAY_LINE - 3:
         raise InputError(
@@ -117,11 +118,11 @@ def motion_filter(period_s: float, noise: float, density: float) -> tuple[FloatA
             found=f"noise {noise} and density {density}",
             expected="two positive numbers",
         )
-    # The problem depends only on one number, ``power``, if period and noise are the units.
+    # The equation depends on only one number, ``power``, if period and noise are the units.
     power = (density / noise) ** 2 * period_s**5
     step = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
     drive = power * np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])
-    p = solve_discrete_are(step.T, np.eye(3, 1), drive, np.eye(1))  # covariance before a reading
+    p = solve_discrete_are(step.T, np.eye(3, 1), drive, np.eye(1))  # error covariance before a reading
     gains = p[:, 0] / (p[0, 0] + 1.0)
     left = p - np.outer(gains, p[0])
     unit = noise / period_s ** np.arange(3)
@@ -131,9 +132,10 @@ def motion_filter(period_s: float, noise: float, density: float) -> tuple[FloatA
 def motion_of(
     period_s: float, held_s: float, noise: float, density: float, *, is_harmonic: bool
 ) -> config.MotionFilter:
-    """Return the motion filter for a displacement that is read every ``held_s`` [s].
+    """Return the motion filter for a displacement with new readings every ``held_s`` [s].
 
-    If ``is_harmonic`` is False, constant acceleration is assumed between readings.
+    If ``is_harmonic`` is True, the motion between readings is assumed to be harmonic, else the acceleration
+    is constant.
     """
     gains, spread = motion_filter(
         held_s, noise, density * (SETTINGS.harmonic_jerk_ratio if is_harmonic else 1.0)
@@ -161,14 +163,15 @@ def prediction_of(
     *,
     spread: bool = False,
 ) -> config.Prediction:
-    """Return horizon and cost of the prediction in a model-predictive controller.
+    """Return prediction horizon and cost of a model-predictive controller.
 
     Parameters
     ----------
     motion : motion filter; no time step is shorter than a quarter of its time constant
-    force_per_command : increase of the force with the command in a steady, fast motion [N/A]
-    error_per_command : force error of the card divided by the largest command [N/A]
-    spread : True: spread the computation over several periods, for a law that needs many instructions
+    force_per_command : increase of the force with the command in a fast motion [N/A]
+    error_per_command : force error in the model card, divided by the largest command [N/A]
+    spread : True: compute one prediction in several periods, because the hysteresis law needs a long
+        computing time
     """
     lags = replace(actuation, delay_s=0.0)
     risen, stretch = lags.response_time(SETTINGS.horizon_ratio), 1
@@ -176,7 +179,7 @@ def prediction_of(
         fallen = lags.response_time(SETTINGS.freewheel_ratio, actuation.largest_command or 1.0, 0.0)
         risen, stretch = max(risen, fallen), SETTINGS.freewheel_stretch
     parts = _parts(SETTINGS.horizon_steps, stretch)
-    # Time constant of the motion filter [s].
+    # Time constant of the motion filter [s], from its frequency limit
     known = 1.0 / (SETTINGS.inverse_frequency_ratio_min * math.sqrt(motion.omega_squared_max))
     step = max(risen / parts, SETTINGS.step_ratio_min * known, period_s)
     dead = math.ceil(actuation.delay_s / period_s - 1e-9) * period_s
@@ -205,12 +208,12 @@ def prediction_of(
 
 
 def horizon_end(prediction: config.Prediction) -> float:
-    """Return the time from now to the end of a horizon [s]."""
+    """Return the time from now to the end of the prediction horizon [s]."""
     return prediction.dead + _parts(prediction.steps, prediction.stretch) * prediction.step
 
 
 def _parts(steps: int, stretch: int) -> int:
-    """Return the horizon length in units of the first step; steps from the fourth on are longer."""
+    """Return the length of the horizon, divided by the length of its first time step."""
     return steps + max(steps - _CLOSE_STEPS, 0) * (stretch - 1)
 
 
@@ -223,7 +226,6 @@ def feedback_gains(actuation: Actuation, period_s: float, force_per_command: flo
 
 
 def _filter_time(period_s: float, gain_a: float) -> float:
-    """Return the time constant of a motion filter [s]."""
     return math.pow(period_s / gain_a, 1.0 / 3.0)
 
 
@@ -246,14 +248,14 @@ def _remaining(lag: float, time: float) -> float:
 
 
 def _ramp(lag: float, time: float) -> float:
-    """Return (input - output) / input change of a lag, at the end of a ramp of the input from rest."""
+    """Return (input - output) / input change of a lag after an input ramp from rest."""
     return lag / time * (1.0 - _remaining(lag, time)) if lag > 0.0 and time > 0.0 else _remaining(lag, time)
 
 
 def _couple(first: float, second: float, time: float) -> float:
-    """Return the fraction of the gap of the first lag that the second lag has received after a time [s].
+    """Return the part of the first lag's gap that has become a gap of the second lag.
 
-    The gap of a lag is its input minus its output.
+    A gap is the input of the first lag minus the output of a lag.
     """
     if second <= 0.0:
         return _remaining(first, time)

@@ -141,9 +141,9 @@ class CurveTables:
     unloaded: float  # travel of the unloading branch between w = 0 and w = -1
     loading: LookupTable  # |w| versus travel on the loading branch
     unloading: LookupTable  # |w| versus travel on the unloading branch
-    unload_map: LookupTable  # position on the unloading branch versus position on the loading branch
-    reload_map: LookupTable  # inverse of ``unload_map`` in the first half of the travel
-    reload_map_rest: LookupTable  # inverse of ``unload_map`` for the second half, versus the remaining travel
+    unload_map: LookupTable  # travel on the unloading branch, for a given travel on the loading branch
+    reload_map: LookupTable  # travel on the loading branch, for the first half of the unloading branch
+    reload_map_rest: LookupTable  # minus this travel, for the second half; argument: travel left to w = -1
 
 
 def no_curve() -> CurveTables:
@@ -153,19 +153,20 @@ def no_curve() -> CurveTables:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Branches:
-    """Solution of u' = 1 - k u^n, u(0) = 0: k = 1 is the loading branch, k = kappa the unloading branch.
+    """The loading branch (k = 1) and unloading branch (k = kappa) of u' = 1 - k u^n.
 
-    Values and slopes are exact. The inverse of a branch is interpolated between samples.
+    u is |w|, and u(0) = 0. Values and slopes are exact. The inverse functions are interpolated between
+    samples.
     """
 
     kappa: float
     n: float
-    travel: FloatArray  # travel of the samples of both branches, increasing
-    loading: FloatArray  # samples of the loading branch
-    unloading: FloatArray  # samples of the unloading branch
-    unloading_travel: FloatArray  # travel of the samples of the unloading branch, which ends at w = -1
-    loaded: float  # travel at the end of the loading branch
-    unloaded: float  # travel at the end of the unloading branch
+    travel: FloatArray  # travel at which both branches are sampled, increasing
+    loading: FloatArray  # u on the loading branch
+    unloading: FloatArray  # u on the unloading branch
+    unloading_travel: FloatArray  # like ``travel``, but constant from the point where u reaches 1
+    loaded: float  # travel at which the loading branch practically reaches w = 1
+    unloaded: float  # travel at which the unloading branch reaches w = -1
 
     def to_loading(self, u: FloatArray) -> FloatArray:
         return np.interp(u, self.loading, self.travel)
@@ -179,7 +180,7 @@ class _Branches:
     def load_slope(self, tau: FloatArray) -> FloatArray:
         return np.asarray(1.0 - np.minimum(self.load(tau), 1.0) ** self.n)
 
-    def unload(self, tau: FloatArray) -> FloatArray:  # The last cell needs a linear extrapolation.
+    def unload(self, tau: FloatArray) -> FloatArray:
         there = np.abs(core.curve(self.kappa, self.n, -np.minimum(tau, self.unloaded))[0])
         slope = 1.0 - self.kappa * there**self.n
         return np.asarray(there + slope * np.maximum(tau - self.unloaded, 0.0))
@@ -188,7 +189,6 @@ class _Branches:
         return np.asarray(1.0 - self.kappa * np.minimum(self.unload(tau), 1.0) ** self.n)
 
     def reload(self, tau: FloatArray) -> FloatArray:
-        """Return the positions on the loading branch with the same u as ``tau`` on the unloading branch."""
         return self.to_loading(self.unload(tau))
 
     def reload_slope(self, tau: FloatArray) -> FloatArray:
@@ -196,13 +196,12 @@ class _Branches:
 
 
 def _sample_branches(kappa: float, n: float) -> _Branches:
-    """Return loading and unloading branch of the universal curve, with samples of both."""
     end = 26.0 / n + 2.0
     dense = end * np.sinh(np.linspace(0.0, 14.0, 40_001)) / math.sinh(14.0)
     up, down = (np.maximum.accumulate(np.abs(core.curve(kappa, n, side * dense)[0])) for side in (1.0, -1.0))
     fall = dense.copy()
     stop = int(np.argmax(down >= 1.0 - 1e-12))
-    if stop:  # The curve passes w = -1 between two samples. For kappa = 0, it never does.
+    if stop:  # w = -1 is between two samples. For kappa = 0, w never reaches -1.
         slope = max(1.0 - kappa * down[stop - 1] ** n, 1e-9)
         fall[stop:] = min(fall[stop], fall[stop - 1] + (down[stop] - down[stop - 1]) / slope)
     loaded = float(np.interp(1.0 - 0.2 * SETTINGS.curve_error, up, dense))
@@ -210,9 +209,12 @@ def _sample_branches(kappa: float, n: float) -> _Branches:
     return _Branches(kappa, n, dense, up, down, fall, loaded, unloaded)
 
 
-@lru_cache(maxsize=16)  # Controllers, model and plant of one card have the same curve.
+@lru_cache(maxsize=16)  # A card's controllers, model and simulated damper use the same curve.
 def universal_curve(kappa: float, n: float) -> CurveTables:
-    """Tabulate the solution of u' = 1 - k u^n, u(0) = 0, with k = 1 (loading) and k = kappa (unloading)."""
+    """Tabulate the hysteresis curve u(travel) and its inverse, where u = |w|.
+
+    The curve is the solution of u' = 1 - k u^n, u(0) = 0, with k = 1 (loading) and k = kappa (unloading).
+    """
     curve = _sample_branches(kappa, n)
     loaded, unloaded, half = curve.loaded, curve.unloaded, 0.5 * curve.unloaded
 
@@ -242,7 +244,7 @@ def universal_curve(kappa: float, n: float) -> CurveTables:
             weight=lambda tau: curve.load_slope(curve.reload(tau)),
             rising=True,
         ),
-        # The sign is reversed so that the function rises.
+        # ``fit_lookup`` requires a rising function. Therefore this table contains negative travel.
         reload_map_rest=fit_lookup(
             lambda rest: -curve.reload(position(rest)),
             lambda rest: curve.reload_slope(position(rest)),
@@ -258,10 +260,10 @@ def universal_curve(kappa: float, n: float) -> CurveTables:
 class SpeedTables:
     """Functions of the speed [m/s] that multiply forces."""
 
-    viscous: LookupTable  # viscous force / viscosity [m/s]
+    viscous: LookupTable  # viscous force divided by the viscosity [m/s]
     sliding: LookupTable  # factor on the kinetic friction force
     breakaway: LookupTable  # factor on the breakaway friction force
-    saturation: LookupTable  # factor on a yield force that saturates with speed or has no memory
+    saturation: LookupTable  # factor on a yield force that increases with the speed
 
 
 def no_functions_of_speed() -> SpeedTables:
@@ -272,16 +274,17 @@ def no_functions_of_speed() -> SpeedTables:
 def functions_of_speed(
     present: set[str], shape: Mapping[str, float], end: float, *, saturating: bool, memoryless: bool
 ) -> SpeedTables:
-    """Tabulate the functions of speed up to ``end`` [m/s]. A function that is not needed gets one cell.
+    """Tabulate the functions of speed up to ``end`` [m/s]; unused ones get one cell.
 
     Friction is tabulated up to the speed at which it becomes constant.
 
     Parameters
     ----------
-    present : names of the coefficients of the law; only viscous, sliding and breakaway are used
-    shape : values of the law's exponent and velocities, by coefficient name
+    present : rows of the damper's tables (``card_tables.ROWS``); of these, viscous, sliding and breakaway
+        need a function
+    shape : values of the exponent and of the velocities of the hysteresis law, by coefficient name
     saturating : True if a yield force saturates with speed
-    memoryless : True if the yield force follows the sign of the velocity
+    memoryless : True if the yield force depends on the velocity only (no hysteresis)
     """
     nothing = _zero_table(end)
     viscous = sliding = breakaway = saturation = nothing
@@ -314,14 +317,12 @@ def functions_of_speed(
 
 
 def _saturation(half: float, end: float) -> LookupTable:
-    """Tabulate the saturation curve v / (v + half)."""
     return fit_lookup(
         lambda v: v / (v + half), lambda v: half / (v + half) ** 2, end, SETTINGS.speed_error, rising=True
     )
 
 
 def _side(over: float) -> tuple[_Function, _Function]:
-    """Return two functions of v: tanh(v / over) and its derivative."""
     return (
         lambda v: np.asarray(np.tanh(v / over)),
         lambda v: np.asarray((1.0 - np.tanh(v / over) ** 2) / over),

@@ -1,12 +1,12 @@
-"""Tables of the laws ``series-valve`` and ``chain`` for the controllers in C.
+"""Tables of ``series-valve`` and ``chain`` for the controllers in C.
 
-There are four kinds of tables: the yield force on an even grid of commands and temperatures, the other
-coefficients versus temperature, powers of speed, and the functions tanh u and exp(-u^2). The last two are
-the same for all dampers.
+These two hysteresis laws need four kinds of tables. The yield force is tabulated on an even grid of commands
+and temperatures, and the other coefficients versus temperature. Further tables contain powers of speed, and
+the functions tanh u and exp(-u^2). The last two are the same for all dampers.
 
-In the series valve, only the yield force can depend on the command. In the chain, shear thinning, bristles
-and memory can also depend on the command (``PLANES``). The exponents are constant. All other coefficients can
-depend on temperature.
+In ``series-valve``, only the yield force can depend on the command. In ``chain``, the coefficients of shear
+thinning, bristle and memory force can also depend on the command (``PLANES``). The exponents are constant.
+All other coefficients can depend on temperature.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _INVERTED = (
     "cavity_length",
 )  # fmt: skip
 _EXPONENTS = ("thinning_exponent", "leak_exponent", "viscous_exponent")
-_GAS_EXPONENT = -1.3  # exponent of the gas volume, the same value as in chain.c
+_GAS_EXPONENT = -1.3  # The gas force is this power of the gas volume, as in chain.c.
 SPEED_MIN_M_S = 2.0**-20  # A straight line through zero replaces the power function at lower speeds.
 OCTAVE_COUNT = 23  # number of octaves from the minimum speed to 8 m/s
 _TEMPERATURE_STEP_K = {"series-valve": 5.0, "chain": 10.0}
@@ -61,7 +61,8 @@ CELL_BITS = 3
 class Power:
     """Table of a power function of u >= 0.
 
-    ``cell`` contains cubics for one octave, shape (2^bits, 4). ``scale`` has a factor for each octave.
+    ``cell`` contains the cubics of the cells in one octave, shape (2^bits, 4). All octaves use these cubics,
+    multiplied by the octave's factor in ``scale``.
     """
 
     exponent: float
@@ -93,9 +94,9 @@ class Power:
 class SeriesTables:
     """The tables of a damper with the law ``series-valve`` or ``chain``."""
 
-    yield_force: FloatArray  # values of ``PLANES``, shape (1 or planes, temperatures, COMMAND_COUNT)
-    # Coefficients in the order of ``CHAIN`` and ``OF_CHAIN``, shape (temperatures, n). Coefficients in
-    # ``_INVERTED`` are stored as reciprocals.
+    yield_force: FloatArray  # coefficients in ``PLANES``, shape (1 or 4, temperatures, COMMAND_COUNT)
+    # Coefficients in the order of ``CHAIN``, for the law ``chain`` also ``OF_CHAIN``; shape (temperatures,
+    # n). The coefficients in ``_INVERTED`` are stored as reciprocals.
     chain: FloatArray
     thinning: Power
     leak: Power
@@ -120,7 +121,7 @@ class SeriesTables:
 
     @property
     def interleaved(self) -> FloatArray:
-        """Return ``yield_force`` with the planes as the last axis: (temperatures, COMMAND_COUNT, planes)."""
+        """Return ``yield_force`` in the kernel's memory order, with ``PLANES`` as last axis."""
         return np.ascontiguousarray(np.moveaxis(self.yield_force, 0, -1))
 
     @property
@@ -132,7 +133,7 @@ class SeriesTables:
 def tabulate_series(
     damper: Damper, largest: float, temperatures: tuple[float, float]
 ) -> tuple[SeriesTables, FloatArray]:
-    """Return the tables of a damper with ``series-valve`` or ``chain``, and their temperatures [K].
+    """Return the tables of a damper and the tabulated temperatures [K].
 
     Parameters
     ----------
@@ -142,8 +143,8 @@ def tabulate_series(
     Raises
     ------
     InputError
-        If a coefficient depends on the command although it is not in ``PLANES`` (for the series valve: is not
-        the yield force), an exponent depends on temperature, or the law is not well posed.
+        If an exponent depends on temperature, or a coefficient is invalid. Also if a coefficient depends on
+        the command that is not in ``PLANES``, or for ``series-valve`` not the yield force.
     """
     low, high = temperatures
     single = not damper.temperature_dependent or high <= low
@@ -162,7 +163,7 @@ def tabulate_series(
     rows = {name: values[name][:, 0].copy() for name in ((*CHAIN, *OF_CHAIN) if is_chain else CHAIN)}
     moved = {name: values[name] for name in planes}
     factors: dict[str, float | FloatArray] = {"viscosity": VISCOUS_SPEED ** (1.0 - viscous)}
-    if is_chain:  # The tables define the forces of thinning and dashpot at 1 m/s, where every power is 1.
+    if is_chain:  # Shear thinning and leak force are tabulated for 1 m/s, not ``reference_speed``.
         speed = values["reference_speed"]
         factors |= {"thinning": speed[:, 0] ** -thinning, "leak_damping": speed[:, 0] ** (1.0 - leak)}
         moved |= {"thinning_force": values["thinning_force"] * speed[:, :1] ** -thinning}
