@@ -1,9 +1,9 @@
 """Verify an export: compile the generated C code, run it, and compare its outputs with the Python model.
 
-The compiled program is the exported program (``main.c`` replays a CSV file). The inputs cover the envelope of
-the card and invalid readings. In single precision, the outputs must be bit-identical to Python. In double
-precision, the relative difference must not exceed 1e-12. Every output must be finite, and every command must
-be between 0 and its largest value.
+The compiled program belongs to the export (``main.c`` reads the inputs from a CSV file). The inputs are
+inside and outside the envelope of the model card, and some readings are invalid. In single precision, the
+outputs must be bit-identical to Python. In double precision, the relative difference must not exceed 1e-12.
+Every output must be finite, and every command must be between 0 and the largest command.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ WARNINGS = (
 DOUBLE_TOLERANCE = 1e-12
 """Relative tolerance in double precision. In single precision, the outputs must be bit-identical."""
 
-STATE_SAMPLE_COUNT = 500  # Outputs from the internal state are compared only at every 500th sample.
+STATE_SAMPLE_COUNT = 500  # Outputs from the controller state are compared only at every 500th sample.
 
 
 def verify_c(target: Target, *, samples: int = 100_000, seed: int = 1) -> Verification:
@@ -188,11 +188,11 @@ def difference(given: FloatArray, expected: FloatArray, *, single: bool) -> Diff
 def expectations(
     target: Target, rows: Mapping[str, FloatArray]
 ) -> dict[str, tuple[dict[str, str], dict[str, FloatArray], slice]]:
-    """Return output columns, values expected from Python, and compared samples for model and controller.
+    """Return column names, expected outputs and compared samples by part of the export.
 
-    The first item of each tuple maps the outputs to the columns of the replay program. The second item
-    contains the outputs as computed in Python. Outputs from the internal state (applied command, controller
-    force) are compared only at every ``STATE_SAMPLE_COUNT``-th sample, which the third item selects.
+    The parts are ``model`` and ``controller``. The first item of a tuple has the column of the replay program
+    for each output, the second item the outputs computed in Python. The third item selects the samples at
+    which the applied command and the controller force are compared (every ``STATE_SAMPLE_COUNT``-th sample).
     """
     expected: dict[str, tuple[dict[str, str], dict[str, FloatArray], slice]] = {}
     at = slice(STATE_SAMPLE_COUNT - 1, None, STATE_SAMPLE_COUNT)
@@ -220,7 +220,7 @@ def expectations(
 def _by_blocks(
     part: ForceController | RealtimeDamper, inputs: FloatArray
 ) -> tuple[FloatArray, FloatArray, list[StateEstimate]]:
-    """Run model or controller in Python; return output and flags per sample, and state estimates."""
+    """Run model or controller in Python; return outputs, flags and state estimates."""
     state = part.start()
     values, flags, estimates = [], [], []
     for start in range(0, len(inputs), STATE_SAMPLE_COUNT):
@@ -233,7 +233,6 @@ def _by_blocks(
 
 
 def _summed(estimate: StateEstimate, *, single: bool) -> float:
-    """Return the sum of the four force parts of the model [N], added in the number type of the target."""
     kind = np.float32 if single else np.float64
     parts = (estimate.yield_force, estimate.viscous_force, estimate.friction_force, estimate.other_force)
     total = kind(parts[0])
@@ -339,7 +338,7 @@ def _version_text(compiler: Sequence[str]) -> str:
 
 
 def _stack_of(place: Path) -> dict[str, int]:
-    """Return the stack frame size of each C function [bytes], which the compiler writes into files."""
+    """Return the stack frame of each C function [bytes] from the compiler's files."""
     found: dict[str, int] = {}
     for path in place.glob("*.su"):
         for line in path.read_text(encoding="utf-8").splitlines():

@@ -1,7 +1,7 @@
 """Verify an exported thermal model: simulate half an hour of a random load in compiled C and in Python.
 
 Power, ambient temperature and air speed change every few minutes. The model receives no sensor readings,
-which would correct errors; therefore all errors accumulate.
+because these would correct differences between C and Python.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def thermal_problems(differences: Mapping[str, float], *, single: bool) -> list[
 
 
 def _draw_load(power: float, coil_W: float) -> CompactLoad:
-    """Return a random load: powers up to twice the typical power [W], and a constant command.
+    """Return a random thermal load: power up to twice the typical power [W].
 
     Power, ambient temperature and air speed change at random times.
     """

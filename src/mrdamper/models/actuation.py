@@ -1,13 +1,13 @@
 """Actuation: dynamics between the command and the effective current (or voltage) of the hysteresis law.
 
-Driver and coil delay the current, eddy currents delay the field, and the fluid needs some time. The effect on
-the force is modelled as a delay and two first-order lags in series. The first lag has separate rise and fall
-times. The iron has magnetic hysteresis: half of the field follows the lagged command through a dead band, so
-that a falling command has a larger effect than a rising command. Alternatively, there are two dead bands: a
-fraction of 0.25 of the field follows through a narrow one and a fraction of 0.15 through a wide one. A small
-change of the command then causes a smaller loop. Lags and dead bands act on the flux, which saturates. The
+Driver and coil delay the current, eddy currents delay the magnetic field, and the fluid needs some time. The
+effect on the force is modelled as a delay and two first-order lags in series. The first lag has separate rise
+and fall times. The iron has magnetic hysteresis: half of the field follows the lagged command through a dead
+band, so that a falling command has a larger effect than a rising one. Alternatively, a fraction of 0.25 of
+the field follows through a narrow dead band and a fraction of 0.15 through a wide dead band. A small change
+of the command then causes a smaller loop. Lags and dead bands act on the magnetic flux, which saturates. The
 model is identified from runs with steps of the command (``identify.actuation``). Controllers use the model
-for their preview.
+for their preview time.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ TWO_HYSTERESIS_WEIGHTS = (0.25, 0.15)
 
 @dataclass(frozen=True, slots=True)
 class Actuation:
-    """Delay, two lags and magnetic hysteresis between command and force, and the coil data if known.
+    """Delay, lags and magnetic hysteresis between command and force, and coil data.
 
     The first lag has the time constant ``rise_s`` while its input exceeds its output, otherwise ``fall_s``.
-    ``hysteresis_width_A`` is the half width [A or V] of the dead band behind the lags. A command that rises
-    from zero is unchanged. A falling command acts like a command that is larger by up to the half width. The
-    dead band is two half widths wide but acts only on half of the field. A driver with one quadrant
-    cannot force the current down: the output of the first lag then falls no faster than with the time
-    constant ``freewheel_time_s``. With ``saturation`` the dead band has a constant width in flux, and a large
+    The lagged command passes a dead band of half width ``hysteresis_width_A`` [A or V]. A command that rises
+    from zero is unchanged. A falling command has the effect of a command that is larger by up to the half
+    width: the dead band is two half widths wide, but acts on only half of the field. A one-quadrant driver
+    cannot force the current down. The output of the first lag then falls no faster than with the time
+    constant ``freewheel_time_s``. With ``saturation``, lags and dead bands act on the flux, and a large
     free-wheeling current falls faster.
     """
 
@@ -56,30 +56,31 @@ class Actuation:
         check_ranges(self, "actuation")
 
     def flux(self, size: FloatArray) -> FloatArray:
-        r"""Return the flux, scaled to equal the command if the command is small [A or V], shape (n,).
+        r"""Return the magnetic flux [A or V], which equals a small command, shape (n,).
 
         .. math:: \varphi = I / (1 + I / I_s)
         """
         return size if self.saturation <= 0.0 else np.asarray(size / (1.0 + size / self.saturation))
 
     def current(self, flux: FloatArray) -> FloatArray:
-        """Return the absolute command [A or V] for a flux, the inverse of ``flux``, shape (n,)."""
+        """Return the absolute command [A or V] that has a given flux, shape (n,)."""
         return flux if self.saturation <= 0.0 else np.asarray(flux / (1.0 - flux / self.saturation))
 
     @property
     def hysteresis_weights(self) -> tuple[float, float]:
-        """Return the fractions of the magnetic field behind the narrow and behind the wide dead band."""
+        """Return the fractions of the field that pass the narrow and the wide dead band."""
         return TWO_HYSTERESIS_WEIGHTS if self.wide_hysteresis_width_A > 0.0 else (HYSTERESIS_WEIGHT, 0.0)
 
     def apply(self, command: FloatArray, step: float) -> FloatArray:
-        """Return the effective command of the law [A or V] for samples with a step [s], shape (n,).
+        """Return the effective command [A or V], which the hysteresis law uses, shape (n,).
 
-        The initial state is the steady state at the first sample. The command is linear between its samples.
+        ``step`` is the time between samples [s]. All dynamics are in equilibrium at the first sample. The
+        command is linear between its samples.
         """
         return Applied(self, step).on(command)
 
     def response_time(self, share: float, start: float = 0.0, end: float = 1.0) -> float:
-        """Return the time [s] after a command step until its fraction ``share`` acts, without hysteresis."""
+        """Return the time [s] until a fraction of a command step acts, without hysteresis."""
         if not 0.0 < share < 1.0:
             raise InputError(place="response time", found=f"share is {share}", expected="above 0 and below 1")
         if start == end:
@@ -101,13 +102,13 @@ class Actuation:
 
 
 class Applied:
-    """Effective command (after delay, lags and hysteresis), computed batch by batch from a steady state."""
+    """Effective command after delay, lags and hysteresis, computed batch by batch."""
 
     def __init__(self, actuation: Actuation, step: float) -> None:
         self._actuation = actuation
         self._step = step
         self._taken = 0
-        self._delayed: FloatArray = np.empty(0)  # commands within the delay
+        self._delayed: FloatArray = np.empty(0)  # commands that have not passed the delay yet
         self._lags = [(actuation.rise_s, actuation.fall_s, actuation.freewheel_time_s)]
         if actuation.second_s > 0.0:
             self._lags.append((actuation.second_s, actuation.second_s, 0.0))
@@ -116,7 +117,7 @@ class Applied:
             actuation.hysteresis_weights,
         )
         self._plays = [(2.0 * w, share) for w, share in zip(widths, shares, strict=True) if w > 0.0]
-        # Last input and output of each lag, and the output of each dead band; NaN before the first sample.
+        # Last input and output of each lag, last output of each dead band; NaN before the first batch
         self._before = np.full((len(self._lags), 2), np.nan)
         self._behind = np.full(len(self._plays), np.nan)
 
@@ -161,11 +162,12 @@ class Applied:
         return applied
 
     def _after_play(self, k: int, flux: FloatArray, width: float) -> FloatArray:
-        """Return the output of dead band ``k`` (a play operator) for the input ``flux``.
+        """Return the output of dead band ``k`` (play operator) for the input ``flux``.
 
-        At each sample, the output is the previous output, clipped to the range from ``flux`` to
-        ``flux + width``. Two successive clips can be combined into one clip. Therefore all samples follow
-        from a parallel prefix scan in log2(n) passes (Hillis & Steele, Commun. ACM 29 (1986) 1170-1183).
+        At each sample, the output is the previous output, clipped to the range from ``flux`` to ``flux +
+        width``. Two successive clips are equal to one clip with combined limits. Therefore the limits of all
+        samples are combined in log2(n) passes by a parallel prefix scan (Hillis & Steele, Commun. ACM 29
+        (1986) 1170-1183).
         """
         low, high = flux.copy(), flux + width
         shift = 1

@@ -1,8 +1,9 @@
 """The model card: the result of an identification as one JSON file without code.
 
-A card contains the damper: law, dependence of each coefficient, parameters with units and standard errors. It
-also contains the operating envelope, the preparation of the data, and the errors of each run. docs/card.md
-describes the file key by key. ``card_schema`` reads, checks and writes it.
+A card contains the damper model: hysteresis law, coefficients as functions of command and temperature, and
+parameters with units and standard errors. It also contains the operating envelope (range of the data), the
+preparation of the data, and the errors of each run. docs/card.md describes the file key by key.
+``card_schema`` reads, checks and writes the file.
 """
 
 from __future__ import annotations
@@ -65,12 +66,13 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ModelCard(Picture):
-    """A damper with the evidence for its parameters: runs, errors and method of the identification.
+    """A damper model and the evidence for it: runs, errors, identification method.
 
-    Inside the envelope the coefficients must be within the limits of the law. Outside, they are clipped to
-    these limits. ``python_law`` is ``file.py:Class`` if the user wrote the law. ``force_band`` is the
-    expected error of new runs, or None if it was not estimated. ``file`` is the path of the card, or empty if
-    the card was not read from a file.
+    The hysteresis law sets limits for its coefficients. Inside the operating envelope, coefficients beyond
+    these limits are an error. Outside the envelope, coefficients are clipped to the limits. ``python_law`` is
+    ``file.py:Class`` if the hysteresis law is user-defined. ``force_band`` is the expected error of new runs,
+    or None if it was not estimated. ``file`` is the path of the card, or empty if the card was not read from
+    a file.
     """
 
     _picture = "mrdamper.report.figures.characteristics:card_figure"
@@ -108,7 +110,7 @@ class ModelCard(Picture):
                 expected="both, or none for a law of the kernel",
             )
         replace(self.damper, limited=False).check(self.envelope)
-        # A coefficient can exceed its limits at commands and temperatures that no run has.
+        # Outside the envelope, a coefficient can exceed its limits.
         object.__setattr__(self, "damper", self.damper.on_limits())
         complete = {name: self.standard_errors.get(name) for name in parameters}
         object.__setattr__(self, "standard_errors", _freeze(complete, "standard_errors", ordered=True))
@@ -118,7 +120,7 @@ class ModelCard(Picture):
         _freeze(self.title, "title")
 
     def __repr__(self) -> str:
-        """Return a description of the card in a few lines: law, range and errors."""
+        """Return a description in a few lines: hysteresis law, range and errors."""
         damper, envelope = self.damper, self.envelope
         (low, high), (in_, out), speed = (
             envelope.command,
@@ -144,7 +146,7 @@ class ModelCard(Picture):
         return "\n".join(lines)
 
     def summary(self) -> str:
-        """Return the law, the range and the errors of the card, a line each."""
+        """Return the hysteresis law, the range and the errors, each in its own line."""
         return repr(self)
 
     def save(self, path: str | Path) -> Path:
@@ -154,7 +156,7 @@ class ModelCard(Picture):
 
 
 def _problem_of_run(run: Mapping[str, Any]) -> str:
-    """Return the fault of a run's row in the evidence; empty if the row is correct."""
+    """Return the error in a run's evidence as text; empty if there is no error."""
     lacking = [key for key in _RUN_KEYS if key not in run]
     if lacking:
         return f"no {', '.join(lacking)}; expected {', '.join(_RUN_KEYS)}"

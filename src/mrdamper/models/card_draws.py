@@ -1,8 +1,8 @@
-"""Posterior samples of the parameters of a card, from which jobs compute intervals of predictions.
+"""Posterior samples of a model card's parameters, for intervals of predictions.
 
-The posterior samples are stored in the folder of the card (``posterior.npz``: names, units, values). The card
-itself contains the best fit. The file also contains a hash of the law and the parameters of the card, which
-shows to which card the samples belong.
+The samples are stored in the folder of the card, in ``posterior.npz`` (names, units, values). The card itself
+contains the best fit. To detect samples of a different card, ``posterior.npz`` also contains a hash of the
+card's hysteresis law and parameters.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class CardDraws:
         return len(self.values)
 
     def dampers(self, damper: Damper, most: int) -> tuple[Damper, ...]:
-        """Return copies of ``damper`` with the parameters of at most ``most`` evenly spaced samples."""
+        """Return copies of ``damper`` with the parameters of at most ``most`` samples."""
         rows = np.unique(np.linspace(0, len(self) - 1, min(most, len(self))).round().astype(np.intp))
         return tuple(
             damper.with_parameters(dict(zip(self.names, row, strict=True)))
@@ -57,7 +57,7 @@ class CardDraws:
 
 
 def percentile_ends(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the 5th and 95th percentile of values of shape (samples, ...) along the first axis."""
+    """Return the 5th and 95th percentile over the first axis, shape (samples, ...)."""
     tail = 50.0 * (1.0 - INTERVAL_PROBABILITY)
     low, high = np.percentile(values, [tail, 100.0 - tail], axis=0)
     return np.asarray(low), np.asarray(high)

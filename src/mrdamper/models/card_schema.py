@@ -73,7 +73,7 @@ class ParameterRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class CoefficientRecord:
-    """One coefficient: kind of its dependence on command, parameters by name, constants of the dependence."""
+    """A coefficient: kind of function, parameters by name, unit, and fixed settings."""
 
     kind: _FormName
     temperature: TemperatureRecord | None = None
@@ -192,7 +192,7 @@ def card_to_json(card: ModelCard) -> Json:
 
 
 def card_sha256(card: ModelCard) -> str:
-    """Return the SHA-256 that is stored in the card's file. The hash excludes the notes."""
+    """Return the hash that is stored in the card's file. Notes do not change the hash."""
     return content_sha256(card_to_json(card))
 
 
@@ -205,7 +205,7 @@ def _coefficient_of(card: ModelCard, name: str) -> CoefficientRecord:
 def record_of_law(
     law: ParameterLaw, unit: str, command_unit: str, errors: Sequence[float | None] | None = None
 ) -> CoefficientRecord:
-    """Return a coefficient as a record of the card file, with the standard errors if they are known."""
+    """Return a coefficient as it is stored in the card's file."""
     known = [None] * len(law.parameters) if errors is None else errors
     rows = zip(law.parameter_names, law.parameters, law.units(unit, command_unit), known, strict=True)
     temperature = None
@@ -225,7 +225,7 @@ def _error_record(evidence: Evidence, split: str) -> SplitRecord:
 
 
 def _layout(value: Any, indent: int = 0) -> str:  # noqa: ANN401 - any JSON value
-    """Return JSON text. Short tables and rows of numbers use one line, longer ones use one line per entry."""
+    """Return JSON text with one line for each short table and each row of numbers."""
     line = json.dumps(value, ensure_ascii=False, allow_nan=False)
     parts = list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else []
     nested = isinstance(value, dict) or any(isinstance(part, dict) for part in parts)
@@ -275,7 +275,9 @@ def read_card(path: str | Path, *, python_law: HysteresisLaw | None = None) -> M
 def card_from_json(
     document: object, place: str = "card", *, python_law: HysteresisLaw | None = None
 ) -> ModelCard:
-    """Return the card in a document from ``card_to_json``. Error messages begin with ``place``.
+    """Return the card in a JSON object that ``card_to_json`` has made.
+
+    Error messages begin with ``place``.
 
     Raises
     ------
@@ -320,28 +322,28 @@ def card_from_json(
 
 
 def content_sha256(document: Json) -> str:
-    """Return the SHA-256 of the document of a card without its notes, preceded by ``sha256:``.
+    """Return the SHA-256 of a card's JSON object, with the prefix ``sha256:``.
 
-    The hash depends only on the values. A different layout of the file does not change it.
+    The notes are excluded. Spaces, line breaks and the order of keys do not change the hash.
     """
     content = {key: value for key, value in document.items() if key not in _KEYS_OUTSIDE_HASH}
-    values = json.loads(json.dumps(content), parse_int=float)  # 1 and 1.0 have the same hash.
+    values = json.loads(json.dumps(content), parse_int=float)  # 1 and 1.0 get the same hash.
     text = json.dumps(values, sort_keys=True, separators=(",", ":"))
     return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
 
 
 def signed(document: Json) -> Json:
-    """Return the document of a card with its hash added."""
+    """Return the JSON object of a card with its hash added."""
     return {**document, _HASH_KEY: content_sha256(document)}
 
 
 def _verified(document: object, place: str) -> Json:
-    """Return a document of this schema version whose content agrees with its hash.
+    """Return the JSON object of a card after a check of its schema version and hash.
 
     Raises
     ------
     InputError
-        If the document is not a card, has a different schema version, or was edited.
+        If the object is not a card, has a different schema version, or was edited.
     """
     if not isinstance(document, dict):
         raise InputError(
@@ -370,7 +372,7 @@ def _verified(document: object, place: str) -> Json:
 
 
 def _law_of(record: CardRecord, place: str, python_law: HysteresisLaw | None) -> HysteresisLaw:
-    """Return the law of a card. A user-defined law must be passed as ``python_law``."""
+    """Return the hysteresis law of a card; a user-defined law must be an argument."""
     if record.python_law is None:
         if record.law not in LAWS:
             raise unknown_name(f"law: there is no law {record.law!r}", record.law, LAWS, place)
@@ -394,7 +396,7 @@ def _law_of(record: CardRecord, place: str, python_law: HysteresisLaw | None) ->
 def _checked_law(
     law: HysteresisLaw, name: str, coefficient: CoefficientRecord, command_unit: str
 ) -> ParameterLaw:
-    """Return a coefficient as a function of command and temperature, in the units of the law."""
+    """Return a coefficient as a function of command and temperature; check its units."""
     place = f"coefficients.{name}"
     if name not in law.names:
         raise unknown_name(f"{place}: {law.name} has no such coefficient", name, law.names)
@@ -466,7 +468,7 @@ def _form(
 
 
 def _by_name(kind: str, role: str, given: Mapping[str, float], names: Sequence[str]) -> list[float]:
-    """Return the values in the order of ``names``; raise InputError if a name is missing or unknown."""
+    """Return values in the order of ``names``; reject missing and unknown names."""
     for name in given:
         if name not in names:
             raise unknown_name(f"{kind} has no {role} {name!r}", name, names)

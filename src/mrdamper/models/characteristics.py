@@ -1,9 +1,10 @@
-"""Characteristics of a damper: the quantities by which damper engineers compare dampers.
+"""Characteristics for comparisons of dampers.
 
-All characteristics are computed by simulation, so that they have the same meaning for every hysteresis model.
-They are the peak-velocity-pick curve of a damper dynamometer, the energy per cycle, the equivalent damping,
-the dynamic range, the gas force, and the response to a step of the command. ``default_scope`` chooses round
-commands, temperatures and speeds inside an operating envelope.
+All characteristics are computed by simulation, so that dampers with different hysteresis models can be
+compared. They are the peak-velocity-pick curve of a damper dynamometer, the energy per cycle and the
+equivalent damping. Further characteristics are the dynamic range, the gas force, and the response to a step
+of the command. ``default_scope`` chooses commands, temperatures and speeds inside an operating envelope, most
+of them round numbers.
 
 Extension is positive, and a force that resists extension is positive. The default temperature is 20 degC.
 """
@@ -31,12 +32,15 @@ PERIOD_COUNT = 3
 """Number of periods of a sine that are simulated from rest; only the last period is evaluated."""
 
 TEMPERATURE_STEP_K = 20.0
-FORCE_RATIO_MIN = 1e-9  # A smaller ratio of forces is a rounding error.
+FORCE_RATIO_MIN = 1e-9  # A ratio of two forces below this value is caused only by rounding errors.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SteadyCycle:
-    """Motion and force in one period of a sine after the transient; starts at mid-stroke in extension."""
+    """Motion and force in the last simulated period of a sine.
+
+    The period begins at mid-stroke, in extension.
+    """
 
     motion: Sine
     velocity: FloatArray  # [m/s], shape (n,)
@@ -66,13 +70,16 @@ class SteadyCycle:
 def steady_cycle(
     damper: Damper, motion: Sine, command: float, temperature: float | None = None
 ) -> SteadyCycle:
-    """Return the last of three periods of a sine from rest, at a constant command and temperature [K]."""
+    """Return the last of three simulated periods of a sine, which begins at rest.
+
+    Command and temperature [K] are constant.
+    """
     return steady_cycles(damper, [(motion, command, temperature)])[0]
 
 
 def steady_cycles(damper: Damper, cases: Sequence[tuple[Sine, float, float | None]]) -> list[SteadyCycle]:
     """Return ``steady_cycle`` of each case (motion, command [A or V], temperature [K])."""
-    samples_per_period = 400  # A multiple of 4, so that the peak velocities are samples.
+    samples_per_period = 400  # a multiple of 4, so that the velocity has its peak at a sample
     paths = [
         drive(
             motion,
@@ -92,7 +99,7 @@ def steady_cycles(damper: Damper, cases: Sequence[tuple[Sine, float, float | Non
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PeakVelocityCurve:
-    """Force at peak velocity at one command and temperature, as a damper dynamometer measures it."""
+    """Force versus peak velocity of a sine, as measured on a damper dynamometer."""
 
     command: float  # [A or V]
     velocity: FloatArray  # peak velocity of each sine [m/s], shape (n,)
@@ -113,7 +120,7 @@ def peak_velocity_pick(
     command: float,
     temperature: float | None = None,
 ) -> PeakVelocityCurve:
-    """Return the peak-velocity-pick curve: forces at mid-stroke of sines with equal stroke.
+    """Return forces at mid-stroke of sines with equal stroke and different speeds.
 
     Parameters
     ----------
@@ -133,29 +140,29 @@ def peak_velocity_pick(
 class Scope:
     """Commands, temperatures and speeds at which dampers are evaluated.
 
-    ``temperatures`` [K] contains one None for a damper without temperature dependence.
+    If the damper does not depend on temperature, ``temperatures`` [K] is ``(None,)``.
     """
 
     commands: tuple[float, ...]  # [A or V], rising
     temperatures: tuple[float | None, ...]
-    speeds: tuple[float, ...]  # speeds of the tables [m/s], rising
-    curve_speeds: FloatArray  # speeds of the curves [m/s]
-    amplitude: float  # half the stroke of the peak-velocity pick [m]
-    motion: Sine  # motion for the energy per cycle
+    speeds: tuple[float, ...]  # rising speeds for the columns of tables [m/s]
+    curve_speeds: FloatArray  # speeds for the points of curves [m/s]
+    amplitude: float  # half the stroke of the sines in the peak-velocity pick [m]
+    motion: Sine  # sine for which the energy per cycle is computed
 
     @property
     def ends(self) -> tuple[int, int]:
-        """Indices of the weakest and the strongest command."""
+        """Indices of the commands with the smallest and the largest absolute value."""
         sizes = np.abs(self.commands)
         return int(np.argmin(sizes)), int(np.argmax(sizes))
 
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """Times to 63 % and 90 % of the change after a step of the command [s].
+    """Times after a command step at which 63 % and 90 % of the change are reached [s].
 
-    The force is simulated at constant velocity. If the force does not depend on the command, ``force_t63``
-    and ``force_t90`` are None.
+    ``command_t63`` refers to the effective command, ``force_t63`` to the damping force at constant velocity.
+    ``force_t63`` and ``force_t90`` are missing (None) if the force does not depend on the command.
     """
 
     start: float  # command before the step [A or V]
@@ -168,12 +175,15 @@ class Response:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Characterisation:
-    """Characteristics of one damper; arrays have the axes temperature, command (and speed)."""
+    """Characteristics of one damper, as arrays versus temperature, command and speed.
+
+    Arrays of quantities that do not depend on speed have no speed axis.
+    """
 
     scope: Scope
     curves: tuple[tuple[PeakVelocityCurve, ...], ...]
-    extension: FloatArray  # peak-velocity pick at the speeds of the tables [N]
-    retraction: FloatArray  # peak-velocity pick in retraction [N]
+    extension: FloatArray  # force in extension at ``scope.speeds`` [N]
+    retraction: FloatArray  # force in retraction at ``scope.speeds`` [N], negative if the damper resists
     energy: FloatArray  # energy per cycle of ``scope.motion`` [J]
     responses: tuple[Response, ...]  # responses to a rising and a falling step; empty if there is no lag
 
@@ -209,15 +219,15 @@ def default_scope(
     temperatures: Sequence[float] | None = None,
     motion: Sine | None = None,
 ) -> Scope:
-    """Return round commands, temperatures and speeds inside an envelope.
+    """Return commands, temperatures and speeds for an evaluation inside an envelope.
 
     Parameters
     ----------
-    commands : [A or V]; None: five values from end to end of the envelope
-    temperatures : [K]; None: up to three values inside the envelope. If all tests had one temperature, the
-        values start there and rise to the end of the temperature range of the damper
+    commands : [A or V]; None: five evenly spaced values from lowest to highest command of the envelope
+    temperatures : [K]; None: up to three values in the temperature range of the runs. If all runs had one
+        temperature, the range from this temperature to the highest temperature of the damper model is used
     motion : motion for the energy; None: a sine with the amplitude of the peak-velocity pick and the highest
-        of the speeds
+        speed
     """
     low, high = envelope.displacement
     half = 0.5 * (high - low)
@@ -229,12 +239,12 @@ def default_scope(
         speeds.insert(0, _round_down(speeds[0] * 0.75, (1.0, 2.0, 5.0)))
     if commands is None:
         commands = sorted(set(np.linspace(*envelope.command, 5).tolist()))
-    count = 15 if damper.law.kernel is not None else 6  # A law in Python is slow.
+    count = 15 if damper.law.kernel is not None else 6  # Laws in Python are slow.
     return Scope(
         commands=tuple(sorted(map(float, commands))),
         temperatures=_temperatures(damper, envelope, temperatures),
         speeds=tuple(speeds),
-        curve_speeds=fastest * np.linspace(math.sqrt(0.02), 1.0, count) ** 2,  # starts at 2 % of the highest
+        curve_speeds=fastest * np.linspace(math.sqrt(0.02), 1.0, count) ** 2,  # 2 to 100 %
         amplitude=amplitude,
         motion=motion or _sine_at(speeds[-1], amplitude),
     )
@@ -270,12 +280,12 @@ def characterise(damper: Damper, scope: Scope) -> Characterisation:
 def _responses(damper: Damper, scope: Scope) -> tuple[Response, ...]:
     """Return the responses to steps from the weakest to the strongest command and back.
 
-    The result is empty if the damper has no lag. The force at constant velocity follows the effective command
-    without delay. Therefore the force reaches a fraction of its change when the effective command reaches the
-    command that has this force in the steady state.
+    The result is empty if the damper has no lag. At constant velocity, the force depends only on the
+    effective command. Therefore a fraction of the force change is first converted to a fraction of the change
+    of the effective command. Then the time is computed at which the effective command reaches this fraction.
     """
     response_fractions = (0.63, 0.90)
-    static_command_count = 21  # Number of commands between which the static force is interpolated.
+    static_command_count = 21  # number of commands at which the force without lag is computed
     low, high = (scope.commands[index] for index in scope.ends)
     lags = damper.actuation
     if lags is None and damper.command_lag_s > 0.0:
@@ -348,7 +358,7 @@ def _temperatures(
         high = max((damper.temperature_range or (low, high))[1], low)
     if high - low < TEMPERATURE_STEP_K / 4.0:
         return (low,)
-    # Runs at a nominal 20 degC may have 20.3 degC. Therefore the range is 1 K wider at each end.
+    # Runs at nominally 20 degC may have 20.3 degC. Therefore the range is extended by 1 K on both sides.
     first = math.ceil((low - 1.0 - REFERENCE_K) / TEMPERATURE_STEP_K)
     last = math.floor((high + 1.0 - REFERENCE_K) / TEMPERATURE_STEP_K)
     if last <= first:

@@ -19,12 +19,12 @@ from mrdamper.models.damper import OperatingEnvelope, Range
 from mrdamper.quantities import REFERENCE_K, to_degC
 from mrdamper.results import JobResult
 
-TEMPERATURE_TOLERANCE_K = 5.0  # Temperatures closer than this count as the same.
+TEMPERATURE_TOLERANCE_K = 5.0  # Temperature differences below this value are ignored.
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterPair:
-    """One parameter of two dampers; ``z`` is the difference / standard error of the difference."""
+    """A parameter of two dampers; ``z`` is the difference in standard errors."""
 
     name: str
     unit: str
@@ -37,7 +37,7 @@ class ParameterPair:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(JobResult):
-    """Two cards with their characteristics. Differences are the second damper minus the first damper."""
+    """Characteristics of two cards; differences are second damper minus first damper."""
 
     _job = "compare"
     cards: tuple[ModelCard, ModelCard]
@@ -164,10 +164,11 @@ def _intersection(what: str, first: Range, second: Range) -> Range:
 def _common_temperature(
     cards: tuple[ModelCard, ModelCard], names: tuple[str, str]
 ) -> tuple[Range | None, list[str]]:
-    """Return the temperature range [K] of the comparison, and notes about temperature for the user.
+    """Return the temperature range [K] for a comparison, and notes for the user.
 
-    If only one damper depends on temperature, the range is the mean temperature of the other damper's runs
-    (20 degC if unknown). The result is None if neither damper depends on temperature.
+    If only one damper depends on temperature, both are compared at one temperature: the mean temperature of
+    the runs of the damper without temperature dependence (20 degC if unknown). If no damper depends on
+    temperature, the range is missing.
     """
     ranges = [_temperatures_of(card) for card in cards]
     known = [each for each in ranges if each is not None]
@@ -190,7 +191,10 @@ def _common_temperature(
 
 
 def _temperatures_of(card: ModelCard) -> Range | None:
-    """Return the temperature range [K] of the runs; for one temperature, the range of assumed factors."""
+    """Return the temperature range [K] for the evaluation of a card.
+
+    This is the range of the runs, or for runs at one temperature the range of assumed temperature factors.
+    """
     tested, assumed = card.envelope.temperature, card.damper.temperature_range
     single = tested is None or tested[1] - tested[0] < TEMPERATURE_TOLERANCE_K
     if single and card.damper.temperature_dependent and assumed is not None:

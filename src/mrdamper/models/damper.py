@@ -29,9 +29,9 @@ LAG = "command_lag_s"
 
 Range = tuple[float, float]
 
-COMMAND_COUNT = 201  # number of commands in the envelope at which the conditions of the law are checked
-TEMPERATURE_COUNT = 9  # number of temperatures in this check, if the damper depends on temperature
-ROUNDING_RATIO = 1e-6  # A coefficient may exceed its limit by this fraction because of rounding.
+COMMAND_COUNT = 201  # number of commands in the envelope at which coefficients are checked
+TEMPERATURE_COUNT = 9  # number of temperatures at which temperature-dependent coefficients are checked
+ROUNDING_RATIO = 1e-6  # A coefficient may exceed its limit by this fraction, because of rounding errors.
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +41,9 @@ class OperatingEnvelope:
     command: Range  # [A or V]
     displacement: Annotated[Range, Option(key="displacement_m")]
     velocity: Annotated[Range, Option(key="velocity_m_s")]
-    temperature: Annotated[Range | None, Option(key="temperature_K")] = None  # None: unknown
+    temperature: Annotated[Range | None, Option(key="temperature_K")] = None  # None: unknown temperature
     acceleration: Annotated[Range | None, Option(key="acceleration_m_s2")] = None
-    frequency: Annotated[Range | None, Option(key="frequency_Hz")] = None  # band with 90 % of v^2
+    frequency: Annotated[Range | None, Option(key="frequency_Hz")] = None  # frequency band with 90 % of v^2
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -58,11 +58,11 @@ class OperatingEnvelope:
             object.__setattr__(self, name, pair)
 
     def commands(self) -> FloatArray:
-        """Return the commands [A or V] at which conditions are checked, evenly spaced in the envelope."""
+        """Return evenly spaced commands [A or V] at which coefficients are checked."""
         return np.linspace(*self.command, COMMAND_COUNT)
 
     def temperatures(self) -> FloatArray | None:
-        """Return the temperatures [K] at which conditions are checked; None: unknown temperature."""
+        """Return the temperatures [K] at which coefficients are checked; None: unknown."""
         return None if self.temperature is None else np.linspace(*self.temperature, TEMPERATURE_COUNT)
 
 
@@ -70,10 +70,10 @@ class OperatingEnvelope:
 class Damper:
     """A hysteresis law, and each of its coefficients as a function of command and temperature.
 
-    Missing coefficients are constant at their default. The effective command follows the command with a
-    first-order lag of ``command_lag_s`` (0: no lag), or as described by ``actuation``. Outside
-    ``temperature_range`` [K], coefficients keep the value at the end of the range (None: no range). If
-    ``limited`` is True, coefficients outside the range of the law are clipped instead of rejected.
+    Missing coefficients are constant and have their default value. The effective command follows the command
+    with a first-order lag of ``command_lag_s`` (0: no lag), or as described by ``actuation``. Temperatures
+    are clipped to ``temperature_range`` [K] (None: not clipped). If ``limited`` is True, coefficients beyond
+    the limits of the hysteresis law are clipped instead of rejected.
 
     Raises
     ------
@@ -158,7 +158,7 @@ class Damper:
 
     @property
     def parameters_and_lag(self) -> dict[str, float]:
-        """Return all parameters by their flat names, then the command lag [s] under ``LAG``."""
+        """Return all parameters by their flat names, and the command lag [s] as ``LAG``."""
         return {**self.parameters, LAG: self.command_lag_s}
 
     def with_parameters(self, parameters: Mapping[str, float]) -> Damper:
@@ -184,10 +184,10 @@ class Damper:
         return replace(self, coefficients=changed)
 
     def coefficients_at(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
-        """Return the coefficients at the commands, shape (m, n), rows in the order of the law.
+        """Return the coefficients at n commands, shape (m, n), in the order of the law.
 
-        ``temperature`` [K] is one number or one per command; None: 20 degC. A value that violates a
-        limit only by rounding is set to the limit.
+        ``temperature`` [K] is one number or one per command; None: 20 degC. A value that is beyond a limit
+        only because of rounding errors is set to the limit.
         """
         at, kelvin = self._grid(command, temperature)
         found = np.empty((len(self.coefficients), len(at)))
@@ -196,11 +196,14 @@ class Damper:
         return found
 
     def violations(self, commands: ArrayLike, temperatures: ArrayLike | None = None) -> tuple[str, ...]:
-        """Return one sentence for each condition of the law that is violated at a command and temperature."""
+        """Return a sentence for each coefficient outside the limits of the hysteresis law.
+
+        The sentence names one command and temperature at which the coefficient is invalid.
+        """
         at, kelvin = self._grid(commands, temperatures)
         found = []
         for name, form in self.coefficients.items():
-            with np.errstate(over="ignore", invalid="ignore"):  # reported below
+            with np.errstate(over="ignore", invalid="ignore"):  # Overflow is reported below.
                 values = self._value(name, at, kelvin)
             if not self.law.violations({name: values}) and np.isfinite(values).all():
                 continue
@@ -217,7 +220,7 @@ class Damper:
         return tuple(found)
 
     def problems(self, envelope: OperatingEnvelope) -> tuple[str, ...]:
-        """Return one sentence for each reason why the law is not well posed inside the envelope."""
+        """Return a sentence for each coefficient that is invalid inside the envelope."""
         commands, temperatures = envelope.commands(), envelope.temperatures()
         if self.temperature_dependent and temperatures is not None:
             commands, temperatures = (g.ravel() for g in np.meshgrid(commands, temperatures))
@@ -229,13 +232,13 @@ class Damper:
         return tuple(found)
 
     def check(self, envelope: OperatingEnvelope) -> None:
-        """Raise ``InputError`` if the law is not well posed somewhere inside the envelope."""
+        """Raise ``InputError`` if a coefficient is invalid somewhere inside the envelope."""
         problems = self.problems(envelope)
         if problems:
             raise InputError(faults=[InputError(problem) for problem in problems])
 
     def on_limits(self) -> Damper:
-        """Return a damper whose coefficients are clipped to the valid ranges of its law."""
+        """Return a damper whose coefficients are clipped to the limits of its law."""
         return replace(self, limited=True)
 
     def clip_temperature(self, temperature: FloatArray) -> FloatArray:
@@ -245,10 +248,6 @@ class Damper:
         )
 
     def _value(self, name: str, at: FloatArray, kelvin: FloatArray | None) -> FloatArray:
-        """Return the values of one coefficient, one per command, or one value if the form is constant.
-
-        A value that violates a limit of the law only by rounding is set to the limit.
-        """
         form, admissible = self.coefficients[name], self.law[name]
         values = form.value(at[:1] if isinstance(form, Constant) else at, kelvin)
         if self.limited:
@@ -263,7 +262,6 @@ class Damper:
     def _grid(
         self, command: ArrayLike, temperature: ArrayLike | None
     ) -> tuple[FloatArray, FloatArray | None]:
-        """Return commands and clipped temperatures as rows of equal length."""
         at = np.atleast_1d(np.asarray(command, dtype=np.float64))
         if temperature is None:
             return at, None
@@ -276,13 +274,13 @@ class Damper:
         return at, np.broadcast_to(self.clip_temperature(kelvin), at.shape)
 
     def _reversed_valve(self, envelope: OperatingEnvelope) -> list[str]:
-        """Return one sentence for each violation of the condition 1 + position_gain x > 0.
+        """Return a sentence if 1 + position_gain x is not positive in the envelope.
 
-        If the condition is violated, the force of the valve changes its sign.
+        The force of the valve would change its sign at this displacement x.
         """
         commands = envelope.commands()
         for x in envelope.displacement:
-            with np.errstate(over="ignore", invalid="ignore"):  # values that are not finite are not positive
+            with np.errstate(over="ignore", invalid="ignore"):  # NaN is reported as not positive.
                 side = 1.0 + self.coefficients["position_gain"].value(commands) * x
             bad = np.flatnonzero(~(side > 0.0))
             if bad.size:

@@ -1,13 +1,12 @@
-"""Parameter laws: a coefficient as a function of the command (current or voltage) and temperature.
+"""Functions that describe a coefficient versus command and temperature.
 
-A parameter law is a named form with parameters. The card stores ``kind`` and ``parameters``.
-``identify.templates`` decides which parameters a fit may change. ``damper`` checks the values against the
-limits of the hysteresis law.
+Such a function is called a parameter law. It consists of a named form, for example a polynomial, and
+parameters. The model card stores the name (``kind``) and the ``parameters``. ``identify.templates`` decides
+which parameters a fit may change. ``damper`` checks the values against the limits of the hysteresis law.
 
-Every form computes its value and the derivatives with respect to parameters and command by closed-form
-expressions. Every form also lists the parameters with a linear effect on the value. Most forms depend only on
-the command.
-``TemperatureDependent`` multiplies a form of the command by a temperature factor. ``Bipolynomial`` is a
+Every form has closed-form expressions for its value and for the derivatives with respect to parameters and
+command. Every form also lists the parameters with a linear effect on the value. Most forms depend only on the
+command. ``TemperatureDependent`` multiplies such a form by a temperature factor. ``Bipolynomial`` is a
 polynomial in command and temperature. The default temperature is 20 degC.
 """
 
@@ -33,7 +32,7 @@ class ParameterLaw(Protocol):
 
     ``linear[k]`` is True if the value is linear in parameter ``k`` for fixed values of all other parameters.
     ``settings`` are constants of the form that are never fitted, for example a reference current. Command and
-    temperature may be arrays of equal shape. Without temperature (None), the temperature is 20 degC.
+    temperature may be arrays of equal shape. None as temperature means 20 degC.
     """
 
     @property
@@ -74,7 +73,7 @@ class ParameterLaw(Protocol):
         """Return value and gradient for many sets of parameters at once.
 
         ``parameters`` has one column per set, shape (parameters, sets); command and temperature have shape
-        (points,). The value and each row of the gradient broadcast to (sets, points).
+        (points,). The value and each row of the gradient can be broadcast to the shape (sets, points).
         """
         ...
 
