@@ -1,4 +1,4 @@
-"""NumPy interface of the compiled kernel: this module checks shapes and types, the arithmetic is in C.
+"""Python interface of the compiled kernel, which checks NumPy shapes and types.
 
 The arithmetic is in ``kernel/`` (C99, compiled once per instruction set, with bitwise equal results).
 cffi calls the kernel and releases the GIL during a call. ``models.laws`` defines the number of each law and
@@ -65,7 +65,7 @@ _MOTION_PATH: int = ffi.offsetof("mrd_motion", "path") // ffi.sizeof("double")
 
 
 class Record:
-    """Kinematics and turning points of a run or of a batch of its samples. The arrays must not change.
+    """Motion and turning points of a run or of a batch; arrays must not change later.
 
     Parameters
     ----------
@@ -121,12 +121,12 @@ class Record:
 
     @property
     def behind(self) -> int:
-        """Number of samples at the start whose force the previous batch has returned: 0 or 1."""
+        """Number of samples at the beginning (0 or 1) that belong to the previous batch."""
         return self.native.behind  # type: ignore[no-any-return]
 
     @property
     def substeps(self) -> int:
-        """Number of integration steps of the implicit laws per sample."""
+        """Number of integration steps per sample for ``series-valve`` and ``chain``."""
         return self.native.substeps  # type: ignore[no-any-return]
 
     @property
@@ -138,7 +138,7 @@ class Record:
 
 
 class Workspace:
-    """Memory for the last tabulated curve (see ``curve``). Only one thread at a time may use a workspace."""
+    """Memory for the last hysteresis curve (see ``curve``); not for several threads."""
 
     __slots__ = ("native",)
 
@@ -150,7 +150,6 @@ class Workspace:
 
 
 def _check(status: int) -> None:
-    """Raise the exception for a status code of the kernel; return if the status is OK."""
     if status == lib.MRD_OK:
         return
     if status == lib.MRD_NO_MEMORY:
@@ -161,7 +160,7 @@ def _check(status: int) -> None:
 
 
 def _state(numbers: FloatArray, kind: str, name: str) -> Any:  # noqa: ANN401 - a pointer of cffi
-    """Return a pointer to a C structure of doubles that is stored in an array of equal size."""
+    """Return a C pointer to an array that stores a structure of doubles."""
     expected = ffi.sizeof(ffi.typeof(kind).item) // ffi.sizeof("double")
     if numbers.size != expected:
         raise ValueError(f"{name} has {numbers.size} numbers; expected {expected}")
@@ -188,7 +187,6 @@ def _model(law: int, coefficients: FloatArray, samples: int) -> list[Any]:
 
 
 def _places(law: int, directions: Sequence[int]) -> list[int]:
-    """Return the indices of coefficients of a law as integers, after a check of their range."""
     places, count = [int(place) for place in directions], _coefficient_count(law)
     if len(places) > MOST_DIRECTIONS:
         raise ValueError(f"at most {MOST_DIRECTIONS} directions, got {len(places)}")
@@ -201,7 +199,6 @@ def _places(law: int, directions: Sequence[int]) -> list[int]:
 def _runs(
     records: Sequence[Record], measured: Sequence[FloatArray], starts: Sequence[int]
 ) -> tuple[int, list[Any], list[Any], list[int]]:
-    """Return the kernel's arguments for runs: their number, records, forces and first scored samples."""
     if not 0 < len(records) == len(measured) == len(starts):
         raise ValueError("records, measured and starts must have one, nonzero length")
     for record, force, start in zip(records, measured, starts, strict=True):
@@ -212,10 +209,10 @@ def _runs(
 
 
 def open_record(trajectory: Trajectory, *, longest_step: float = LONGEST_STEP) -> Record:
-    """Return the record of a trajectory for the kernel, with its turning points.
+    """Return the motion of a trajectory with its turning points, for the kernel.
 
-    The record keeps the arrays of the trajectory in memory. No integration step of the implicit laws is
-    longer than ``longest_step`` [s].
+    The record uses the arrays of the trajectory without a copy. ``longest_step`` [s] limits the integration
+    step of ``series-valve`` and ``chain``.
     """
     return Record(
         trajectory.step,
@@ -237,20 +234,20 @@ def run(
     columns: FloatArray | None = None,
     workspace: Workspace | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the force [N], shape (n,), and its derivatives (tangents), shape (len(directions), n).
+    """Return the force [N], shape (n,), and its derivatives (tangents), shape (d, n).
 
     Parameters
     ----------
     coefficients : in the law's order and units, shape (m,) if constant over the run, otherwise (m, n)
-    directions : indices of the coefficients with respect to which the force is differentiated
-    seeds : derivative of each coefficient along its direction, shape (d,) or (d, n); None: 1
-    columns : memory for the tangent columns, shape (len(directions), n)
-    workspace : keeps the tabulated curve for the next call with the same kappa and n; for one thread only
+    directions : indices of the d coefficients with respect to which the force is differentiated
+    seeds : factors on the derivatives, shape (d,) or (d, n), for the chain rule; None: 1
+    columns : memory for the derivatives, shape (d, n)
+    workspace : stores the tabulated hysteresis curve for the next call with the same kappa and n
 
     Raises
     ------
     ValueError
-        If shapes are wrong, the law is unknown, or kappa or n vary during the run.
+        If shapes are wrong, the hysteresis law is unknown, or kappa or n vary during the run.
     """
     samples, places = record.samples, _places(law, directions)
     count, model = len(places), _model(law, coefficients, record.native.known)
@@ -288,23 +285,24 @@ def open_batch(
     patience: int,
     last: bool = False,
 ) -> Record:
-    """Return the record of the settled samples of a batch of a run.
+    """Return the record of those samples in a batch that later samples cannot affect.
 
-    A sample is settled if later samples cannot change the monotone piece that contains the sample. The
-    remaining samples are settled in later batches.
+    A run is processed in batches. The motion is divided into pieces at its turning points. A sample is
+    *settled* if later samples cannot change the piece that contains the sample. Samples that are not settled
+    must be passed again with the next batch.
 
     Parameters
     ----------
     kinematics : displacement [m], velocity [m/s] and acceleration [m/s^2], shape (n,) each. They begin with
         the last settled sample of the previous batch (the first batch has no such sample, and ``behind`` is
-        0). Then follow the samples that are not settled yet, and the new samples.
+        0). The samples that are not settled are next, then the new samples.
     motion : state of the motion, shape (MOTION_NUMBERS,), zero before the first batch; updated in place
-    patience : maximum number of samples after an extreme that can remain unsettled
+    patience : maximum number of samples after a turning point that are not settled
     last : True for the last batch, which settles all samples
     """
     if patience < 1:
         raise ValueError("patience must be 1 sample or more")
-    if not motion[_MOTION_PATH] >= 0.0:  # A motion from a file can be damaged, and its path becomes an index.
+    if not motion[_MOTION_PATH] >= 0.0:  # A state from a damaged file would give an invalid array index in C.
         raise ValueError("motion: its path is not a travel since a turning point")
     return Record(step, *kinematics, dead_band, longest_step, batch=(patience, last, motion))
 
@@ -314,8 +312,8 @@ def carry(
 ) -> FloatArray:
     """Return the force [N] of a batch, shape (n,).
 
-    If ``batch.behind`` is 1, the first value is undefined, because the previous batch has returned the force
-    of this sample.
+    If ``batch.behind`` is 1, the first sample belongs to the previous batch. Its force is then undefined in
+    the result.
 
     Parameters
     ----------
@@ -325,7 +323,8 @@ def carry(
     Raises
     ------
     ValueError
-        If shapes are wrong, the law is unknown, kappa or n vary, or the state is not from the previous batch.
+        If shapes are wrong, the hysteresis law is unknown, kappa or n vary, or the state is not from the
+        previous batch.
     """
     native, force = batch.native, np.zeros(batch.samples)
     model, at = _model(law, coefficients, native.known), _state(state, "mrd_state *", "state")
@@ -364,11 +363,11 @@ def gram_sums(
     coefficients: FloatArray,
     places: Sequence[int],
 ) -> FloatArray:
-    """Return the Gram matrix of force derivatives and residual for every candidate and run.
+    """Return the sums that a linear least-squares fit needs, as Gram matrices.
 
-    A candidate is one set of coefficients. The result has the shape (candidates, runs, rows, rows). The rows
-    are the derivatives of the force with respect to the coefficients at the indices ``places``, followed by
-    the residual (measured minus computed force).
+    A candidate is one set of coefficients. The result has the shape (candidates, runs, k, k). Its elements
+    are the inner products of k signals. These signals are the derivatives of the force with respect to the
+    coefficients with the indices ``places``, then the residual (measured minus computed force).
 
     Parameters
     ----------
@@ -389,10 +388,6 @@ def _sum_products(
     out: FloatArray,
     residuals: FloatArray | None = None,
 ) -> None:
-    """Compute the Gram matrices into ``out``, and the residuals into ``residuals`` unless it is None.
-
-    The residuals have the shape (candidates, samples of all runs).
-    """
     left = ffi.NULL if residuals is None else doubles(residuals, "residuals")
     _check(
         DOUBLE.api.gram_sums(
@@ -469,13 +464,13 @@ def first_order_lag(
 ) -> tuple[FloatArray, FloatArray]:
     """Return a command after a first-order lag, and the derivative with respect to the time constant.
 
-    The result is exact for a command that is linear between samples. ``before`` has the output and its
-    derivative at the first sample; None: the steady state.
+    The result is exact for a command that is linear between samples. ``before`` contains the output and its
+    derivative at the first sample; None: equilibrium.
 
-    With ``fall``, the time constant is ``rise`` [s] while the absolute input exceeds the output, otherwise
-    ``fall`` [s]. The output falls no faster than with the free-wheeling time constant ``wheel`` [s] (0: no
-    free-wheeling). With ``saturation`` [A], the lag acts on the flux ``I / (1 + I / saturation)`` of the
-    current ``I``. Without it (0), the lag acts on the current.
+    If ``fall`` is given, the time constant is ``rise`` [s] while the absolute input exceeds the output,
+    otherwise ``fall`` [s]. The output falls no faster than with the free-wheeling time constant ``wheel`` [s]
+    (0: no free-wheeling). The lag acts on the flux ``I / (1 + I / saturation)`` of the current ``I``, or on
+    the current if ``saturation`` [A] is 0.
     """
     applied, by_lag = np.empty_like(command), np.empty_like(command)
     falls = rise if fall is None else fall
@@ -487,8 +482,8 @@ def first_order_lag(
 def curve(kappa: float, n: float, tau: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the Bouc-Wen curve Y(tau), dY/dtau, dY/dkappa and dY/dn from the kernel's tables.
 
-    Y is the hysteresis variable on a monotone piece of motion: dY/dtau = 1 - Y^n for Y >= 0 and
-    1 - kappa |Y|^n for Y < 0, with Y(0) = 0. tau is rho times the travel since the point with Y = 0.
+    Y is the hysteresis variable between two reversals: dY/dtau = 1 - Y^n for Y >= 0 and 1 - kappa |Y|^n for Y
+    < 0, with Y(0) = 0. tau is the travel from the point with Y = 0, divided by the yield displacement.
     """
     if not (-1.0 <= kappa <= 1.0 and 0.2 <= n <= 20.0):
         raise ValueError("the curve is tabulated for -1 <= kappa <= 1 and 0.2 <= n <= 20")

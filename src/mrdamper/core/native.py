@@ -1,4 +1,4 @@
-"""Access to the compiled extensions, the instruction set level in use, and C pointers to NumPy arrays."""
+"""Access to compiled extensions, choice of the instruction set, and C pointers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["DOUBLE", "SINGLE", "Build", "doubles", "ffi", "level", "levels", "li
 
 
 class Build:
-    """The C extension for float or double. ``api`` has the functions for the instruction set in use."""
+    """The C extension for float or double; ``api`` has the functions in use."""
 
     __slots__ = ("api", "ffi", "levels", "lib", "real", "state", "state_size")
 
@@ -40,22 +40,22 @@ _DOUBLES = ffi.typeof("double[]")
 
 
 def levels() -> tuple[str, ...]:
-    """Return the instruction set levels that this machine can run, slowest first."""
+    """Return the instruction sets that this machine can run, slowest first."""
     return tuple(DOUBLE.levels)
 
 
 def level() -> str:
-    """Return the instruction set level in use."""
+    """Return the instruction set in use."""
     return next(name for name, api in DOUBLE.levels.items() if api == DOUBLE.api)
 
 
 def use_level(name: str) -> None:
-    """Use an instruction set level for all later calls (tests and benchmarks).
+    """Use an instruction set for all later calls (tests and benchmarks).
 
     Raises
     ------
     ValueError
-        If this machine or build has no such level.
+        If the machine or the compiled extension does not support this instruction set.
     """
     if name not in DOUBLE.levels:
         raise ValueError(f"this machine or build has no instruction set level {name!r}")
@@ -72,8 +72,8 @@ def doubles(array: FloatArray, name: str, *, write: bool = False) -> Any:  # noq
     ValueError
         If the array is not contiguous, or if it is read-only but C writes to it.
     """
-    # Comparison with ``is`` is twice as fast as ``==``. It fails for an unpickled array, whose type is a
-    # copy.
+    # Comparison with ``is`` is twice as fast as ``==``. It fails for an array that was unpickled, because its
+    # dtype is a copy of np.float64's dtype.
     dtype = array.dtype
     if dtype is not _FLOAT64 and dtype != _FLOAT64:
         raise TypeError(f"{name} must be contiguous float64")

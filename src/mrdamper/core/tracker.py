@@ -15,17 +15,18 @@ from mrdamper.core.native import DOUBLE, SINGLE, doubles, ffi, lib
 
 __all__ = ["Tracker", "follow"]
 
-# Table of a power function (as in controller.h): exponent, smallest and largest argument,
-# log2 of the number of cells, scale of each octave, cells.
+# Arguments of C for a power function (see controller.h): exponent, smallest and largest argument, log2 of the
+# number of cells in an octave, factor of each octave, cells.
 Power = tuple[float, float, float, int, FloatArray, FloatArray]
-# Table of a function: offset, largest argument, log2 of the number of cells in an octave, cells.
+# Arguments of C for another function: offset, largest argument, log2 of the number of cells in an octave,
+# cells.
 Lookup = tuple[float, float, int, FloatArray]
-# Tables of series valve and chain: coefficients by temperature and current, coefficients by temperature,
-# power functions, other functions.
+# Tables of the laws ``series-valve`` and ``chain``: coefficients by temperature and current, coefficients by
+# temperature, power functions, other functions.
 Series = tuple[FloatArray, FloatArray, Sequence[Power], Sequence[Lookup]]
-# Settings of a closed loop: damper steps per sample, delay in samples, rest of the delay in steps, True
-# if the force is measured, gain and offset of the damper force, largest current, resolutions of the
-# converters of current and force.
+# Settings of a closed loop: damper steps per sample, delay in samples, additional delay in steps, flag. The
+# flag is True if the force is measured. The other values are gain and offset of the damper force, largest
+# current, and resolutions of current and measured force.
 Settings = tuple[int, int, int, bool, float, float, float, float, float]
 
 PIECES_MAX = 10_000
@@ -57,13 +58,13 @@ class Tracker:
     Parameters
     ----------
     config : object whose nested attributes have the names of the structures in ``controller_config.h``
-    rows : table row of each term; terms that do not depend on the current come first
+    rows : row (index of a coefficient) of each term; terms that do not depend on the current are first
     current : currents of the tables [A], shape (currents,)
-    factor : parabolas of temperature for each term, shape (pieces, terms, 3)
-    column : terms as functions of the current, shape (currents, columns)
+    factor : parabola of temperature of each term in each temperature piece, shape (pieces, terms, 3)
+    column : function of current of each term that depends on the current, shape (currents, columns)
     lookups : tables of functions of one positive argument, in the order of ``mrd_track``
     single : compute in single precision
-    series : tables of series valve and chain
+    series : tables of the laws ``series-valve`` and ``chain``
 
     Raises
     ------
@@ -133,15 +134,15 @@ class Tracker:
         return bytes(memory), force
 
     def run(self, state: bytes, inputs: FloatArray) -> tuple[bytes, FloatArray, NDArray[np.int64]]:
-        """Return the last state, and the commands and flags of n steps; ``inputs`` has shape (n, 5)."""
+        """Compute n control steps for inputs (n, 5); return state, commands and flags."""
         return self._steps(self._build.lib.mrd_track_run, "mrd_inputs[]", state, inputs)
 
     def simulate(self, state: bytes, inputs: FloatArray) -> tuple[bytes, FloatArray, NDArray[np.int64]]:
-        """Return the last state, and the forces and flags of n model steps; ``inputs`` has shape (n, 4)."""
+        """Compute n model steps for inputs (n, 4); return state, forces and flags."""
         return self._steps(self._build.lib.mrd_model_run, "mrd_model_inputs[]", state, inputs)
 
     def read(self, state: bytes) -> tuple[Any, tuple[float, float, float, float]]:
-        """Return the C structure of a state, and its yield, viscous, friction and remaining force [N]."""
+        """Return a state as C structure; its yield, viscous, friction and other force [N]."""
         at = self._open(state)[1]
         parts = self._build.ffi.new("mrd_real[4]")
         self._build.api.track_parts(self.native, at, parts)
@@ -153,7 +154,7 @@ class Tracker:
         if len(memory) == self._build.state_size:
             at = self._build.ffi.from_buffer(self._build.state, memory)
             is_sound = 0 <= at.newest_command < DELAY_MAX and 0 <= at.prediction_samples < STEPS_MAX
-            if is_sound:  # Both values are array indices in C, and a state from a file can be damaged.
+            if is_sound:  # The checked values are array indices in C. A state file can be damaged.
                 return memory, at
         raise ValueError("this is not a controller's state")
 
@@ -176,7 +177,7 @@ class Tracker:
         return bytes(memory), out.astype(np.float64), flags.astype(np.int64)
 
     def _rounded(self, values: FloatArray) -> NDArray[np.floating[Any]]:
-        """Return contiguous values in the controller's precision. Values beyond its range become infinite."""
+        """Return values in the controller's precision; too large values become infinite."""
         with np.errstate(over="ignore"):
             return np.ascontiguousarray(values, dtype=self._build.real)
 
@@ -261,11 +262,12 @@ def follow(
 ) -> bool:
     """Simulate closed loops of controllers and dampers on one motion.
 
-    Return False if a command is not finite or a damper rejects a sample.
+    Return False if a command is not finite, or if an input of a damper is invalid.
 
     Parameters
     ----------
-    plant : capsule with one damper per loop (``binding/loop_plant.h``); the call changes the damper states
+    plant : capsule with one damper per loop (``binding/loop_plant.h``); the call changes the states of the
+        dampers
     displacement, velocity : motion at every plant step [m], [m/s], shape (steps,)
     loops : for each loop a controller in double precision, its state, its settings, and four arrays: sensor
         readings, shape (samples, 5); 1 where the force sensor is frozen, else 0, shape (samples,); output

@@ -180,17 +180,16 @@ class Hill:
 
     .. math:: s = (1 + h^q)\,u^q / (u^q + h^q)
 
-    with u = command / ``reference`` (absolute), h = ``half_command`` / ``reference``, q the exponent.
+    with u = abs(command) / ``reference``, h = ``half_command`` / ``reference``, and the exponent q.
 
-    The slope at zero command is 0 for q > 1, finite for q = 1 and infinite for q < 1. For q < 1, ``slope``
-    returns infinity with the sign of the gain, but the value remains finite. The slope at zero command is the
-    slope towards positive commands.
+    At zero command, the slope towards positive commands is 0 for q > 1, finite for q = 1 and infinite for q <
+    1. If it is infinite, ``slope`` returns infinity with the sign of the gain, but the value remains finite.
     """
 
     base: float  # value at zero command [coefficient unit]
     gain: float  # rise from zero to the reference command [coefficient unit]
     half_command: float  # command of half the saturated rise [command unit]
-    exponent: float  # q [-]; above 1 the rise starts flat
+    exponent: float  # q [-]; above 1, the slope at zero command is 0
     reference: float = 1.0  # command at which the rise is `gain` [command unit]
 
     kind: ClassVar[str] = "hill"
@@ -231,10 +230,10 @@ class Hill:
         )
         log_h = np.log(half / self.reference)
         by_half = rise * (exponent / half) * (free_at_reference - free)
-        # The logarithm of u is -inf at zero command, but its product with the rise has the limit 0.
+        # The logarithm of u is -inf at zero command, but the limit of rise times logarithm is 0.
         by_exponent = rise * (free * (np.where(rise > 0.0, log_u, 0.0) - log_h) + free_at_reference * log_h)
         columns = [np.ones_like(base), rise, gain * by_half, gain * by_exponent]
-        for sharpness in sharp:  # zero or one element
+        for sharpness in sharp:  # ``sharp`` is empty for a Hill form and has one element for ``Saturation``.
             own = exponent * by_exponent - rise * np.log(np.where(rise > 0.0, rise, 1.0))
             columns.append(gain * own / sharpness)
         return base + gain * rise, columns
@@ -269,13 +268,13 @@ class Hill:
 
 @dataclass(frozen=True, slots=True)
 class Saturation(Hill):
-    r"""value = base + gain s(I), a Hill form with variable sharpness of saturation.
+    r"""value = base + gain s(I), like ``Hill`` with adjustable width of the transition.
 
     .. math:: s = (1 + h^{qr})^{1/r}\,u^q / (u^{qr} + h^{qr})^{1/r}
 
-    Well below ``half_command``, the rise is a power of the command. Well above, the rise is constant. The
-    ``sharpness`` r defines the transition between these ranges; r = 1 is the Hill form. Without r, the
-    saturation at large commands would also determine the curve at small commands.
+    Well below ``half_command``, s is a power of the command. Well above, s is constant. The ``sharpness`` r
+    defines the width of the transition; r = 1 gives ``Hill``. With r, curves at small and at large commands
+    can be fitted separately.
     """
 
     sharpness: float = 1.0  # r [-]
@@ -331,7 +330,7 @@ class Exponential:
         return value, (growth, command * value)
 
     def _growth(self, command: ArrayLike) -> FloatArray:
-        with np.errstate(over="ignore"):  # ``Damper.violations`` reports an infinite value.
+        with np.errstate(over="ignore"):  # Overflow gives infinity, which ``Damper.violations`` reports.
             return np.asarray(np.exp(self.rate * _array(command)))
 
     def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
@@ -392,7 +391,7 @@ class Bipolynomial:
     def value(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         at, above = _array(command), _excess(command, temperature)
         table = np.reshape(self.parameters, (-1, self.temperature_degree + 1))
-        inner = np.polynomial.polynomial.polyval(above, table.T)  # one polynomial in I for each temperature
+        inner = np.polynomial.polynomial.polyval(above, table.T)  # coefficients of the polynomial in I
         value = np.zeros(above.shape)
         for row in inner[::-1]:
             value = value * at + row
@@ -495,7 +494,6 @@ class TemperatureDependent:
 def _linear_batch(
     form: ParameterLaw, parameters: FloatArray, command: FloatArray, temperature: FloatArray
 ) -> tuple[FloatArray, Sequence[FloatArray]]:
-    """Return value and gradient of a form that is linear in all parameters, for many sets of parameters."""
     basis = form.gradient(command, temperature)
     return parameters.T @ basis, list(basis)
 
@@ -512,9 +510,10 @@ def _gradient(form: ParameterLaw, command: ArrayLike, temperature: ArrayLike | N
 def _hill_rise(
     command: FloatArray, half: FloatArray, exponent: FloatArray, sharpness: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return s, log u, and h^qr / (u^qr + h^qr) at the command and at the reference (u = 1).
+    """Return s, log u, and h^qr / (u^qr + h^qr) at the command and at u = 1.
 
-    If ``sharpness`` is None, r is 1. Logarithms avoid overflow and keep the limits for large exponents.
+    The letters have the same meaning as in ``Hill`` and ``Saturation``; without ``sharpness``, r = 1.
+    Logarithms avoid overflow for large exponents.
     """
     with np.errstate(divide="ignore"):  # log 0 = -inf is the correct limit.
         log_u = np.log(np.abs(command))

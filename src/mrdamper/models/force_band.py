@@ -2,9 +2,9 @@
 
 The band is a conformal prediction band. Cross-validation fits the model several times, each time without some
 of the motions. The band is just wide enough to contain the stated fraction of the errors on these held-out
-motions. The band is wider for a run with changing current, and for a motion that is farther from the fitted
-motions than these are from one another. The band assumes only that a new motion is similar to the held-out
-motions. Outside the envelope of the card the band is too narrow.
+motions. The band is wider for a run with changing current. It is also wider for a motion that differs more
+from the fitted motions than the held-out motions did. The only assumption is that a new motion is similar to
+the held-out motions. Outside the operating envelope, the band is too narrow.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ class MotionSize:
         return cls(float(np.std(motion.displacement)), float(np.std(motion.velocity)))
 
     def distance(self, others: Sequence[MotionSize]) -> float:
-        """Return the distance [-] to the most similar motion in ``others``.
+        """Return how much a motion differs from the most similar motion in ``others`` [-].
 
-        The distance is the larger absolute logarithm of the ratios of displacement and velocity: 0.69 for a
-        motion that is half as fast.
+        The difference is abs(log(ratio)), for the ratio of displacements or of velocities, whichever is
+        larger. For example, it is 0.69 for a motion that is half as fast.
         """
         known = np.log([(each.displacement_m, each.velocity_m_s) for each in others])
         return float(np.abs(known - np.log((self.displacement_m, self.velocity_m_s))).max(axis=1).min())
@@ -47,16 +47,17 @@ class MotionSize:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceBand:
-    r"""Half width h of a band around the model force F for measured forces, and errors of held-out runs.
+    r"""Band around the model force F that contains most measured forces.
 
     .. math:: h = factor\, c \max(1, 1 + widening (d - usual)) \sqrt{F^2 + (run\_share\, rms F)^2 + base^2}
 
-    d is the distance of the motion of the run to the nearest of ``motions``. ``usual_distance`` is the mean
-    distance of the held-out motions to the fitted motions. Without ``motions``, d has no influence. c is
-    ``changing_current_ratio`` for a run with changing current, otherwise 1.
+    h is the half width of the band. d is the distance between the motion of the run and the most similar
+    motion in ``motions``. *usual* is ``usual_distance``, the mean distance between the held-out motions and
+    the fitted motions. Without ``motions``, h does not depend on d. c is ``changing_current_ratio`` for a run
+    with changing current, otherwise 1.
 
-    ``expected_nrmse_percent`` is the expected median error of new runs inside the envelope, and
-    ``worst_nrmse_percent`` the largest error of held-out runs.
+    ``expected_nrmse_percent`` is the expected median error of new runs inside the operating envelope.
+    ``worst_nrmse_percent`` is the largest error of the held-out runs.
     """
 
     share: Annotated[float, Option(above=0.0, below=1.0)]
@@ -89,10 +90,10 @@ class ForceBand:
         return self.factor * widened * width_unit(force, self.run_share, self.base_N)
 
     def coverage(self, force: FloatArray, measured: FloatArray, widened: float = 1.0) -> float:
-        """Return the fraction of the samples whose measured force [N] is inside the band, shape (n,) each."""
+        """Return the fraction of samples whose measured force [N] is inside the band."""
         return float(np.mean(np.abs(measured - force) <= self.half_width(force, widened)))
 
 
 def width_unit(force: FloatArray, run_share: float, base_N: float) -> FloatArray:
-    """Return the half width [N] of a band whose factor is 1, for model forces of shape (n,)."""
+    """Return the half width [N] of a band with factor 1, for model forces, shape (n,)."""
     return np.sqrt(force**2 + (run_share * rms(force)) ** 2 + base_N**2)

@@ -1,16 +1,16 @@
 """Hysteresis laws: coefficients of each law, their meaning, and the conditions for a well-posed law.
 
-The arithmetic of the laws is in ``core/kernel`` (C99). This module is the table of their coefficients.
+The C code of the hysteresis laws is in ``core/kernel``. This module contains the list of their coefficients.
 ``dependence`` describes how the coefficients depend on the command. ``identify.terms`` defines the range of a
 coefficient in a fit.
 
-Sign convention: extension positive, a force that resists extension is positive. Every law is
+Extension is positive, and a force that resists extension is positive. The force of every law is
 
     F = law(x, v, state) + mass a + c0 v |v / v0|^(m - 1)
         + [coulomb + breakaway exp(-(v / v_s)^2)] tanh(v / v_t)
 
-Friction and mass are zero by default. The viscous exponent m is 1 by default. ``viscosity`` c0 is the viscous
-force divided by the speed, at v0 = 0.1 m/s.
+The first term depends on the hysteresis law. Friction and mass are zero by default. The viscous exponent m is
+1 by default. ``viscosity`` c0 is the viscous force divided by the speed, at v0 = 0.1 m/s.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ VISCOUS_SPEED = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Coefficient:
-    """One coefficient of a law, and the range in which the law is well posed.
+    """A coefficient of a hysteresis law, with its limits.
 
-    ``linear`` is True if the force is linear in the coefficient. A fit then computes it by linear least
-    squares. A coefficient without ``default`` (None) is required.
+    ``linear`` is True if the force is linear in the coefficient. A fit then computes the coefficient by
+    linear least squares. A coefficient without default value (None) is required.
     """
 
     name: str
@@ -52,8 +52,8 @@ class Coefficient:
 class PythonLaw(Protocol):
     """A user-defined law in Python with one internal state, its time derivative ``rate``, and ``force``.
 
-    The slow, adaptive reference integrator simulates the law in every job except export. ``values`` maps
-    coefficient names to their values at the present command.
+    The slow, adaptive reference integrator simulates the law in every job except export. ``values`` contains
+    the coefficients at the effective command, by name.
     """
 
     @property
@@ -136,7 +136,8 @@ COMMON: tuple[Coefficient, ...] = (
 )
 """Coefficients that every law of the kernel has, in the order of the kernel."""
 
-# Spring and preload are inside the series connection of this law, so that the force is not linear in them.
+# Spring and preload act inside the series connection of the law. Therefore the force is not linear in these
+# coefficients.
 _IN_CHAIN: tuple[Coefficient, ...] = tuple(
     replace(c, linear=False) if c.name in ("stiffness", "offset") else c for c in COMMON
 )

@@ -19,25 +19,25 @@ from mrdamper.models.dependence import ParameterLaw
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Moving:
-    """A coefficient that is nonlinear in a parameter. Its gradient depends on the parameters."""
+    """A coefficient that is nonlinear in a parameter; its gradient is not constant."""
 
     place: int  # index of the coefficient in the list of the law
-    column: int  # index among the differentiated coefficients; -1: not differentiated
+    column: int  # index among the coefficients with a gradient; -1: without gradient
     form: ParameterLaw
     fixed: FloatArray  # parameters of the form, shape (k, 1)
     members: list[int]  # indices of the varying parameters in the form
-    sources: list[int]  # indices of these parameters among all varying parameters
-    wanted: tuple[tuple[int, int], ...]  # (parameter of the form, row of the gradient)
+    sources: list[int]  # indices of the varying parameters of this form among all varying parameters
+    wanted: tuple[tuple[int, int], ...]  # (index of a parameter in the form, index of its gradient)
 
 
 class OperatingPoints:
     """Coefficients of a damper and their gradients at a few operating points.
 
-    The ``varying`` parameters change between evaluations. The gradients are with respect to the ``wanted``
-    parameters. Parameters have names such as ``yield_force.gain``. The command lag is allowed and has no
-    gradient. ``places`` are the indices of the coefficients in the law that depend on wanted parameters.
-    ``combine``, shape (points, wanted, places), contains the constant gradients of coefficients that are
-    linear in all their parameters.
+    An operating point is a command and a temperature. The ``varying`` parameters change between evaluations.
+    The gradients are with respect to the ``wanted`` parameters. Both have names such as ``yield_force.gain``.
+    The command lag is allowed, but has no gradient. ``places`` are the indices of all coefficients that
+    depend on wanted parameters. The array ``combine``, shape (points, wanted, places), contains the gradients
+    of coefficients that are linear in all their parameters, because these gradients are constant.
     """
 
     def __init__(
@@ -77,15 +77,15 @@ class OperatingPoints:
         self._linear = self._linear.reshape(len(varying), self._fixed.size)
 
     def evaluate(self, values: FloatArray, combine: FloatArray) -> FloatArray:
-        """Return the coefficients for values of the varying parameters, shape (candidates, points, m).
+        """Return the coefficients for sets of varying parameters, shape (sets, points, m).
 
         Parameters
         ----------
-        values : one row per candidate, shape (candidates, varying)
-        combine : output array for the gradients, shape (candidates, points, wanted, places)
+        values : values of the varying parameters, shape (sets, varying)
+        combine : output array for the gradients, shape (sets, points, wanted, places)
 
-        The caller fills the output array with copies of the attribute ``combine``, because this method writes
-        only the gradients that are not constant.
+        Before the call, each set in the output array must be a copy of the attribute ``combine``. This method
+        writes only the gradients that are not constant.
         """
         count = len(values)
         coefficients = (values @ self._linear).reshape(count, *self._fixed.shape)

@@ -2,8 +2,8 @@
 
 SciPy's adaptive LSODA integrates the equations along the cubic Hermite interpolant of the trajectory. The
 integration restarts at each reversal, and the step never exceeds the sampling period. This is slow but
-general. The kernel ignores reversals within the dead band of the trajectory, but this integrator uses every
-reversal. This module does not depend on the kernel's laws.
+general. The C kernel ignores reversals that are smaller than the dead band of the trajectory, but this
+integrator uses every reversal. This module does not depend on the kernel.
 """
 
 from __future__ import annotations
@@ -27,8 +27,9 @@ from mrdamper.quantities import REFERENCE_K
 
 Values = Mapping[str, float]
 State = Sequence[float]
-Rate = Callable[[State, float, float, Values], State]  # states, displacement, velocity, coefficients
-Force = Callable[[State, float, float, float, Values], float]  # like Rate, plus acceleration after velocity
+# (states, displacement, velocity, coefficients) -> state rates
+Rate = Callable[[State, float, float, Values], State]
+Force = Callable[[State, float, float, float, Values], float]  # like Rate, with acceleration after velocity
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,9 +118,9 @@ def _equations_of(law: HysteresisLaw) -> Equations:
 
 
 class _Path:
-    """Motion and coefficients between the samples.
+    """Motion and coefficients as continuous functions of time.
 
-    The motion is the cubic Hermite interpolant of (x, v). The command is linear between samples and lagged.
+    The motion is the cubic Hermite interpolant of (x, v). The command is linear between samples, then lagged.
     """
 
     def __init__(self, damper: Damper, trajectory: Trajectory) -> None:
@@ -127,7 +128,7 @@ class _Path:
         self.cubics: list[list[float]] = hermite(trajectory).tolist()
         self._damper, self._names = damper, damper.law.names
         command, self._lag = trajectory.command, damper.command_lag_s
-        if damper.actuation is not None:  # The effective command is linear between the samples.
+        if damper.actuation is not None:  # The effective command is interpolated linearly.
             command = damper.actuation.apply(command, trajectory.step)
         self._command: list[float] = command.tolist()
         kelvin = trajectory.temperature if damper.temperature_dependent else None
@@ -139,7 +140,10 @@ class _Path:
         self._constant = self._values(self._command[0], self._kelvin[0]) if constant else None
 
     def evaluate(self, k: int, theta: float) -> tuple[float, float, Values]:
-        """Return displacement, velocity and coefficients at the fraction theta of the sample interval k."""
+        """Return displacement, velocity and coefficients at a fraction of interval k.
+
+        ``theta`` is the fraction, 0 to 1.
+        """
         x0, x1, x2, x3 = self.cubics[k]
         x = x0 + theta * (x1 + theta * (x2 + theta * x3))
         v = (x1 + theta * (2 * x2 + theta * 3 * x3)) / self.step
@@ -151,9 +155,10 @@ class _Path:
         return x, v, self._values(self._first_order_lag(k, self._applied[k], theta), here)
 
     def _first_order_lag(self, k: int, applied: float, theta: float) -> float:
-        """Return the lagged command at the fraction theta of sample interval k, for a linear command.
+        """Return the lagged command at the fraction theta of sample interval k.
 
-        The result solves applied' = (command - applied) / lag from the value ``applied`` at the start.
+        The result solves applied' = (command - applied) / lag for a linear command. The first value is
+        ``applied``.
         """
         start, end, lag = self._command[k], self._command[k + 1], self._lag
         command = start + theta * (end - start)
@@ -175,14 +180,14 @@ def _integrate(rate: Rate, scale: State, path: _Path, damper: Damper, tolerance:
     last = path.count - 1
     turns = [k + theta for k, cubic in enumerate(path.cubics) for theta in turns_of(cubic)]
     rests = [k for k, cubic in enumerate(path.cubics) if cubic[1] == 0.0]
-    local = tolerance / 30  # The tolerance of a step is smaller because the errors of many steps accumulate.
+    local = tolerance / 30  # The error limit of one step is smaller, because the errors of many steps add up.
     samples, state = np.arange(path.count, dtype=np.float64), np.zeros((path.count, len(scale)))
     z = state[0]
     for start, end in pairwise(np.unique([0.0, *rests, *turns, float(last)]).tolist()):
         left = iter(range(int(call_count_max * (end - start + 1.0))))
 
         def slope(time: float, at: FloatArray, left: Iterator[int] = left) -> list[float]:  # time in samples
-            if next(left, None) is None:  # LSODA has no limit of its own and would continue forever.
+            if next(left, None) is None:  # LSODA itself does not limit the number of calls.
                 raise ConvergenceError(
                     place=f"law {damper.law.name!r}",
                     found=f"no progress at sample {time:.3f}, where its state is {at[0]:g}",

@@ -23,11 +23,11 @@ from mrdamper.quantities import REFERENCE_K
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drive:
-    """A trajectory that is prepared for many simulations: record of the kernel, command and temperature.
+    """A trajectory that is prepared for many simulations.
 
-    ``constant`` is the command if the command is constant during the run, else None. ``temperature`` [K] is
-    the temperature if it is known and constant, else None. ``temperature_varies`` is True if the temperature
-    is not constant.
+    ``record`` contains the trajectory for the kernel. ``constant`` is the command if the command is constant,
+    else None. ``temperature`` [K] is the temperature if it is known and constant, else None.
+    ``temperature_varies`` is True if the temperature is not constant.
     """
 
     trajectory: Trajectory
@@ -38,7 +38,10 @@ class Drive:
 
 
 def open_drive(trajectory: Trajectory, *, longest_step: float = core.LONGEST_STEP) -> Drive:
-    """Return the trajectory prepared for the kernel. ``longest_step`` [s] limits steps of implicit laws."""
+    """Prepare a trajectory for the kernel.
+
+    ``longest_step`` [s] limits the integration step of ``series-valve`` and ``chain``.
+    """
     command, kelvin = trajectory.command, trajectory.temperature
     constant = float(command[0]) if np.ptp(command) == 0.0 else None
     temperature_varies = kelvin is not None and bool(np.ptp(kelvin) > 0.0)
@@ -54,15 +57,15 @@ def simulate(
 
     Parameters
     ----------
-    form : ``record`` evaluates whole monotone pieces of the motion, with turning points located between the
-        samples. ``causal`` computes sample by sample, as on a real-time target. At 1 kHz the two forces agree
-        within 1e-4 of the peak force.
+    form : ``record`` (recorded run) evaluates the motion from one turning point to the next; turning points
+        can be between samples. ``causal`` computes sample by sample, as on a real-time target. At 1 kHz, both
+        methods agree within 1e-4 of the peak force.
 
     Raises
     ------
     InputError
-        If the law is not well posed at a command or temperature of the trajectory, or the damper depends on
-        temperature and the trajectory has none.
+        If a coefficient is invalid at a command or temperature of the trajectory. Also if the damper depends
+        on temperature and the trajectory has no temperature.
     """
     python_tolerance = 1e-8  # tolerance of the integrator of laws in Python
     drive = trajectory if isinstance(trajectory, Drive) else open_drive(trajectory)
@@ -77,10 +80,11 @@ def simulate(
 
 
 def simulate_each(damper: Damper, trajectories: Sequence[Trajectory | Drive]) -> list[FloatArray]:
-    """Return the force [N] of several trajectories, equal to ``simulate`` within rounding.
+    """Return the force [N] of several trajectories, as ``simulate`` does for each.
 
-    Runs with constant command and temperature are simulated together, because the kernel integrates implicit
-    laws for several runs in parallel.
+    The forces equal the result of ``simulate`` within rounding errors. Runs with constant command and
+    temperature are simulated together. The kernel then integrates ``series-valve`` and ``chain`` for several
+    runs in parallel.
 
     Raises
     ------
@@ -90,13 +94,12 @@ def simulate_each(damper: Damper, trajectories: Sequence[Trajectory | Drive]) ->
     drives = [each if isinstance(each, Drive) else open_drive(each) for each in trajectories]
     points = [operating_point(each, temperature_dependent=damper.temperature_dependent) for each in drives]
     together = [k for k, point in enumerate(points) if point is not None and damper.law.kernel is not None]
-    together = together if len(together) >= 3 else []  # Fewer runs are simulated one by one.
+    together = together if len(together) >= 3 else []  # One or two runs are simulated separately.
     found = dict(zip(together, _simulate_at_points(damper, [drives[k] for k in together]), strict=True))
     return [found[k] if k in found else simulate(damper, drive) for k, drive in enumerate(drives)]
 
 
 def _simulate_at_points(damper: Damper, drives: Sequence[Drive]) -> list[FloatArray]:
-    """Return the force [N] of runs that each have a constant command and temperature."""
     if not drives:
         return []
     for drive in drives:
@@ -109,12 +112,12 @@ def _simulate_at_points(damper: Damper, drives: Sequence[Drive]) -> list[FloatAr
     pairs = zip(coefficients, drives, strict=True)
     pushes = any(_reversed_valve(damper, row, drive.trajectory.displacement) for row, drive in pairs)
     if pushes or damper.law.violations(dict(zip(damper.law.names, found, strict=True))):
-        return [simulate(damper, drive) for drive in drives]  # This raises an InputError for the invalid run.
+        return [simulate(damper, drive) for drive in drives]  # ``simulate`` raises the InputError.
     return core.forces(damper.law.kernel or 0, [drive.record for drive in drives], coefficients)
 
 
 def require_temperature(damper: Damper, trajectory: Trajectory) -> None:
-    """Raise ``InputError`` if a damper depends on temperature and the trajectory has none."""
+    """Raise ``InputError`` if a damper depends on an unknown temperature."""
     if damper.temperature_dependent and trajectory.temperature is None:
         raise InputError(
             found="the model depends on temperature, and the run has no temperature channel",
@@ -127,7 +130,7 @@ def require_temperature(damper: Damper, trajectory: Trajectory) -> None:
 
 
 def operating_point(drive: Drive, *, temperature_dependent: bool) -> tuple[float, float] | None:
-    """Return the constant command and temperature [K] of a run; None if either varies."""
+    """Return command and temperature [K] of a run if both are constant, else None."""
     if drive.constant is None or (temperature_dependent and drive.temperature_varies):
         return None
     kelvin = drive.temperature if temperature_dependent else None
@@ -135,9 +138,10 @@ def operating_point(drive: Drive, *, temperature_dependent: bool) -> tuple[float
 
 
 def effective_command(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-    """Return the delayed command, its derivative with respect to the lag, and the temperature [K].
+    """Return the effective command, its derivative by the lag, and temperature [K].
 
-    Each array has one sample if command and temperature are constant.
+    The effective command is the command after delay and lags. If command and temperature are constant, each
+    array has only one element.
     """
     point = operating_point(drive, temperature_dependent=damper.temperature_dependent)
     if point is not None:
@@ -156,12 +160,12 @@ def effective_command(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatAr
 def _admissible_coefficients(
     damper: Damper, command: FloatArray, temperature: FloatArray | None, displacement: FloatArray
 ) -> FloatArray:
-    """Return the coefficients of the law, shape (m,) for one command, else (m, n).
+    """Return the coefficients, shape (m,) for one command, else (m, n).
 
     Raises
     ------
     InputError
-        If the law is not well posed with these coefficients at the displacements [m].
+        If a coefficient is invalid, or ``series-valve`` is invalid at a displacement [m].
     """
     found = damper.coefficients_at(command, temperature)
     violations = damper.law.violations(dict(zip(damper.law.names, found, strict=True)))
@@ -172,7 +176,7 @@ def _admissible_coefficients(
 
 
 def _reversed_valve(damper: Damper, coefficients: FloatArray, displacement: FloatArray) -> tuple[str, ...]:
-    """Return a message if the series valve has no bounded solution at a displacement [m]."""
+    """Return a message if ``series-valve`` has no bounded solution at a displacement."""
     if damper.law.name != "series-valve":
         return ()
     share = 1.0 + coefficients[damper.law.names.index("position_gain")] * displacement

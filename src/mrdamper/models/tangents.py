@@ -24,11 +24,12 @@ from mrdamper.models.simulate import (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sensitivity:
-    """Force along a run and its derivatives: d force / d parameter = combine @ columns.
+    """Force in a run, and its derivatives with respect to parameters as two factors.
 
-    The kernel computes ``columns``, shape (d, n), which are derivatives with respect to coefficients.
-    ``combine``, shape (parameters, d), converts them to derivatives with respect to parameters. The two
-    matrices are not multiplied because Gram matrices of few columns are computed faster.
+    d force / d parameter = ``combine`` @ ``columns``. The kernel computes ``columns``, the derivatives with
+    respect to d coefficients, shape (d, n). ``combine``, shape (parameters, d), contains the derivatives of
+    the coefficients. The product is not stored, because least-squares sums are computed faster from the few
+    rows of ``columns``.
     """
 
     force: FloatArray
@@ -37,18 +38,18 @@ class Sensitivity:
 
 
 def sensitivities(damper: Damper, drive: Drive, parameters: Sequence[str]) -> Sensitivity:
-    """Return the force of a damper along a run and its derivatives with respect to parameters.
+    """Return the force in a run and its derivatives with respect to parameters.
 
-    The conditions of the law are not checked because a fit stays inside them.
+    Limits of coefficients are not checked, because a fit does not leave them.
     """
     return Tangents(damper, parameters, [drive]).evaluate_run(0)
 
 
 class Tangents:
-    """Forces along many runs, and their derivatives with respect to parameters (tangents).
+    """Forces in many runs, and their parameter derivatives (tangents).
 
-    Coefficients are evaluated once for all runs: at each operating point of the runs with constant current
-    and temperature, and at all samples of the remaining runs.
+    Coefficients are evaluated when the object is created. A run with constant current and temperature needs
+    one evaluation, and any other run needs one evaluation per sample.
     """
 
     def __init__(self, damper: Damper, parameters: Sequence[str], drives: Sequence[Drive]) -> None:
@@ -71,7 +72,6 @@ class Tangents:
         self._prepare_varying([k for k, point in enumerate(points) if point is None])
 
     def _prepare_levels(self, levels: Sequence[tuple[float, float]]) -> None:
-        """Compute the coefficients of each operating point, and the matrices from columns to parameters."""
         damper = self._damper
         members = [member for member in self._members if member[0] != LAG]
         self._places = sorted({damper.law.names.index(name) for name, _ in members})
@@ -88,7 +88,6 @@ class Tangents:
             self._combine[:, row, self._places.index(damper.law.names.index(name))] = gradient
 
     def _prepare_varying(self, runs: Sequence[int]) -> None:
-        """Compute the coefficients and their derivatives at all samples of the runs with varying current."""
         if not runs:
             return
         damper = self._damper
@@ -106,10 +105,11 @@ class Tangents:
             name: damper.coefficients[name].gradient(command, temperature)
             for name in dict.fromkeys(name for name, _ in self._members if name != LAG)
         }
-        moved: list[tuple[int, int, FloatArray]] = []  # (parameter, index of its coefficient, derivative)
+        moved: list[tuple[int, int, FloatArray]] = []  # (index of parameter, index of coefficient, gradient)
         for row, (name, member) in enumerate(self._members):
             if name == LAG:
-                # The infinite slope of a Hill form with an exponent below 1 at zero current is omitted.
+                # A Hill form with an exponent below 1 has an infinite slope at zero current, which is
+                # replaced by 0.
                 moved += [
                     (row, place, np.nan_to_num(form.slope(command, temperature), posinf=0.0) * by_lag)
                     for place, form in enumerate(damper.coefficients.values())
@@ -126,7 +126,7 @@ class Tangents:
         self._varying_coefficients = damper.coefficients_at(command, temperature)
 
     def evaluate_run(self, run: int, *, store: FloatArray | None = None) -> Sensitivity:
-        """Return force and derivatives of one run. ``store``, shape (.., n), is memory for the columns."""
+        """Return force and derivatives of a run; ``store`` is optional memory, shape (.., n)."""
         damper, drive = self._damper, self._drives[run]
         if damper.law.kernel is None:
             return _by_differences(damper, drive, self._parameters)
@@ -153,13 +153,13 @@ class Tangents:
 
 
 def _by_differences(damper: Damper, drive: Drive, parameters: Sequence[str]) -> Sensitivity:
-    """Return the force of a law in Python, and its parameter derivatives by central differences.
+    """Return force and parameter derivatives of a law in Python (central differences).
 
-    Coefficients with a linear effect on the force do not change the internal states. The states are therefore
-    integrated only once for the derivatives with respect to all these coefficients.
+    Coefficients with a linear effect on the force do not change the internal states. For the derivatives with
+    respect to these coefficients, the states are therefore not integrated again.
     """
-    # A law in Python is integrated less accurately in fits than in simulations. The relative step of the
-    # central differences is large compared with the error of its force.
+    # Fits integrate a law in Python with a larger tolerance than simulations, to save time. The parameter
+    # step of the differences is so large that this error does not matter.
     python_law_tolerance = 1e-6
     python_law_difference = 1e-3
     path = drive.trajectory

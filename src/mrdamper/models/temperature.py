@@ -1,11 +1,11 @@
 """Temperature factors: a quantity divided by its value at 20 degC, as a function of temperature.
 
 Every factor is 1 at 293.15 K. A coefficient of a damper (``dependence.TemperatureDependent``) is its value at
-20 degC times a factor. The same is true for viscosity and yield stress of a fluid (``fluid``). Temperature is
-in kelvin.
+20 degC times a factor. Viscosity and yield stress of a fluid (``fluid``) also use such factors. Temperature
+is in kelvin.
 
-A factor can be outside its valid range, for example a linear factor below zero or a VFT factor at its pole.
-The caller reports this with the name of the coefficient.
+A factor can be invalid, for example a linear factor below zero or a VFT factor at its pole. The calling
+module reports the error with the name of the coefficient.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class TemperatureFactor(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class _Factor:
-    """Base class of the temperature factors; the fields of a factor are its parameters."""
+    """Base class of temperature factors. The dataclass fields are the parameters."""
 
     def __post_init__(self) -> None:
         for name, number in zip(self.parameter_names, self.parameters, strict=True):
@@ -239,7 +239,10 @@ FACTORS: Mapping[str, type[TemperatureFactor]] = MappingProxyType(
 
 
 def factor_parameter_names(kind: str, names: Iterable[str]) -> tuple[str, ...]:
-    """Return the parameter names of a kind of factor; ``names`` fixes the degree of a polynomial."""
+    """Return the parameter names of a kind of temperature factor.
+
+    The number of ``names`` gives the degree of a polynomial.
+    """
     if kind not in FACTORS:
         raise unknown_name(f"there is no temperature factor of kind {kind!r}", kind, FACTORS)
     if kind != PolynomialFactor.kind:

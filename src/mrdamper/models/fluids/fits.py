@@ -39,7 +39,8 @@ class FittedParameter:
 class LawFit:
     """A fitted law: a value at 20 degC times a temperature factor.
 
-    A viscosity has the value ``at_reference`` at 20 degC. A yield stress has the value of ``field_law``.
+    The value at 20 degC is ``at_reference`` for a viscosity, and the function ``field_law`` of the field for
+    a yield stress.
     """
 
     name: str
@@ -60,9 +61,9 @@ class LawFit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Study:
-    """All laws that were fitted to one quantity, best law first, and the points of the tables.
+    """All laws that were fitted to one quantity, best law first, and the data points.
 
-    ``field_A_m`` is zero for a viscosity.
+    For a viscosity, the field ``field_A_m`` is zero at all points.
     """
 
     fits: tuple[LawFit, ...]
@@ -119,8 +120,8 @@ def _fit_viscosity(
     kind: type[Reynolds] | type[Arrhenius] | type[Vft], t: FloatArray, y: FloatArray, start: Sequence[float]
 ) -> LawFit:
     """Fit ln eta = ln eta_20 + ln factor(T) to logarithms of viscosities ``y`` at temperatures ``t`` [K]."""
-    pole_min_K = -500.0  # A VFT law with a lower pole is practically the Reynolds law.
-    pole_margin_K = 5.0  # The pole of a VFT law is at least this far below the coldest point.
+    pole_min_K = -500.0  # A VFT law with its pole below this temperature is practically the Reynolds law.
+    pole_margin_K = 5.0  # The pole of a VFT law is at least this far below the lowest measured temperature.
     low, high = [0.0, -np.inf, pole_min_K], [np.inf, np.inf, min(float(t[0]), REFERENCE_K) - pole_margin_K]
 
     def logarithm(kelvin: FloatArray, level: float, *parameters: float) -> FloatArray:
@@ -148,14 +149,14 @@ def fit_yield_stress(
     *,
     place: str = "yield stress table",
 ) -> Study:
-    """Fit Carlson's field law times a factor that is linear in temperature.
+    """Fit the yield stress: Carlson's function of the field times a linear factor.
 
-    With three field strengths and six points or more, the field scale is fitted. Otherwise it is Carlson's
-    value.
+    The factor is linear in temperature. The field scale H_s is fitted if there are at least three field
+    strengths and six points. Otherwise H_s has Carlson's value.
 
     Parameters
     ----------
-    field_A_m, temperature_K, stress_Pa : the points, shape (n,); points without field are not fitted
+    field_A_m, temperature_K, stress_Pa : the points, shape (n,); points at zero field are not fitted
     place : origin of the points, for messages
 
     Raises
@@ -191,9 +192,9 @@ def fit_yield_stress(
 def _fit_yield_stress(h: FloatArray, t: FloatArray, y: FloatArray, *, is_free: bool) -> LawFit:
     """Fit ln tau = ln saturation + ln(1 - slope x) + ln tanh(H / scale).
 
-    x is the temperature difference to 20 degC. If ``is_free`` is False, the scale is Carlson's value.
+    x is the temperature minus 20 degC. If ``is_free`` is False, scale has Carlson's value.
     """
-    factor_min = 0.01  # The linear factor of the yield stress stays above this value.
+    factor_min = 0.01  # The fit keeps the linear factor above this value.
     x = t - REFERENCE_K
     coldest, hottest = min(float(x.min()), -1.0), max(float(x.max()), 1.0)
 
@@ -235,7 +236,7 @@ def _curve_fit(
     from scipy.optimize import OptimizeWarning, curve_fit
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", OptimizeWarning)  # A singular covariance becomes NaN below.
+        warnings.simplefilter("ignore", OptimizeWarning)  # A singular covariance is set to NaN below.
         values, covariance = curve_fit(
             law, t, y, start, bounds=(low, high), x_scale="jac", ftol=1e-12, xtol=1e-12, gtol=1e-12
         )
@@ -264,7 +265,8 @@ def _law_fit(  # noqa: PLR0913 - all parts of one fit
     known = np.isfinite(errors[1 : 1 + size])
     slope = factor.gradient(HOT_K)[known]
     part = covariance[1 : 1 + size, 1 : 1 + size][np.ix_(known, known)]
-    # The AICc counts the variance of the residuals as a parameter. Squares below 1e-24 are rounding errors.
+    # The variance of the residuals also counts as a parameter in the AICc. The value 1e-24 avoids the
+    # logarithm of zero.
     count, size_all = residual.size, values.size + 1
     spare = count - size_all - 1
     square = max(float(np.mean(residual**2)), 1e-24)
@@ -287,7 +289,7 @@ def _is_valid(kelvin: FloatArray) -> BoolArray:
 
 def _require_points(kelvin: FloatArray, values: FloatArray, used: BoolArray, count: int, place: str) -> None:
     """Raise InputError if a value is not positive or if there are too few temperatures."""
-    temperature_span_min_K = 10.0  # A smaller span does not determine a temperature law.
+    temperature_span_min_K = 10.0  # A temperature law cannot be fitted to a smaller range of temperatures.
     bad = ~((values > 0.0) & np.isfinite(values))
     if bad.any():
         raise InputError(

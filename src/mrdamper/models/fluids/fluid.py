@@ -1,8 +1,9 @@
 """An MR fluid: viscosity and yield stress versus temperature and field, further properties, and source.
 
-``fluid_file`` reads and writes the presets and the TOML file of a user's fluid (docs/fluid.md). The laws of
-temperature are in ``models.temperature``, the law of the field is in ``carlson``, the fits of rheometer
-tables are in ``fits``. The viscosity applies without field, at the shear rate of its measurement.
+``fluid_file`` reads and writes the presets and the TOML file of a user's fluid (docs/fluid.md). The
+dependence on temperature is in ``models.temperature`` and the dependence on the field in ``carlson``.
+``fits`` contains fits of rheometer tables. The viscosity is valid without field, and only near the shear rate
+at which it was measured.
 """
 
 from __future__ import annotations
@@ -26,7 +27,10 @@ PLAUSIBLE_K = (QUANTITIES["temperature"].low, QUANTITIES["temperature"].high)
 
 @dataclass(frozen=True, slots=True)
 class Collapse:
-    """factor = 1 / (1 + exp[(T - middle) / width]): decrease of viscosity of a fluid that fails when hot."""
+    """Factor on the viscosity of a fluid that becomes thin when it is hot.
+
+    factor = 1 / (1 + exp[(T - middle) / width])
+    """
 
     middle_K: Positive
     width_K: Positive
@@ -37,15 +41,15 @@ class Collapse:
     def value(self, temperature_K: ArrayLike) -> FloatArray:
         """Return the factor [-] on the viscosity at temperatures [K] of any shape."""
         excess = (np.asarray(temperature_K, dtype=np.float64) - self.middle_K) / self.width_K
-        return np.asarray(0.5 * (1.0 - np.tanh(0.5 * excess)))  # same value as the equation, without overflow
+        return np.asarray(0.5 * (1.0 - np.tanh(0.5 * excess)))  # the equation in a form without overflow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fluid:
     """An MR fluid: parameters at 20 degC, dependence on temperature and field, valid range, source.
 
-    ``viscosity_fitted_K`` is the temperature range of the measured viscosities. Outside this range, and
-    outside ``valid_K``, a value is returned with a warning.
+    ``viscosity_fitted_K`` is the temperature range of the measured viscosities. For temperatures outside this
+    range or outside ``valid_K``, values are returned, but with a warning.
     """
 
     name: str

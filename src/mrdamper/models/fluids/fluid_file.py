@@ -1,7 +1,7 @@
 """Fluids as TOML: read the presets, read and write the file of a fluid.
 
-The key ``like`` names a preset, from which all parts that the file omits are taken. docs/fluid.md describes
-the keys. Temperatures are in degC in the file and in kelvin in ``Fluid``.
+The key ``like`` names a preset, which supplies all parts that the file does not contain. docs/fluid.md
+describes the keys. Temperatures are in degC in the file and in kelvin in ``Fluid``.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ def fluid_from_toml(text: str, place: str = "fluid") -> Fluid:
 
 
 def _completed(given: Json, place: str) -> Json:
-    """Return the document, with omitted parts taken from the preset named by ``like``."""
+    """Return the content of a fluid file, completed by the preset named in ``like``."""
     given = {"name": Path(place).stem, **given}
     like = given.get("like")
     if like is None:
@@ -148,7 +148,7 @@ def _completed(given: Json, place: str) -> Json:
         raise InputError(f"like is {like!r}", place=place, expected=f"one of: {', '.join(PRESETS)}")
     base = _document_of(find_fluid(like))
     if "viscosity" in given:
-        base.pop("collapse", None)  # The collapse of the preset is a property of its viscosity.
+        base.pop("collapse", None)  # The preset's collapse does not apply to another viscosity.
     if isinstance(given.get("properties"), Mapping):
         given["properties"] = {**base["properties"], **given["properties"]}
     return {**base, "title": f"like {like}", **given}
@@ -160,7 +160,7 @@ _Section = TypeVar("_Section", ViscosityTable, YieldStressTable)
 def _section(
     kind: type[_Section], table: Mapping[str, Any], place: str
 ) -> tuple[_Section, TemperatureFactor]:
-    """Return the record of a section and the temperature factor whose parameters are in the same table."""
+    """Return the record of a table and the temperature factor with its parameters."""
     own = {field.key for field in fields_of(kind)}
     record = read_record(kind, {key: value for key, value in table.items() if key in own}, place)
     parameters = {key: value for key, value in table.items() if key not in own}
