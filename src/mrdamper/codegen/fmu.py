@@ -60,7 +60,7 @@ def write_fmu(target: Target, path: str | Path, *, verification: Verification) -
         raise InputError(
             place=place, found=f"cannot write: there is no folder {place.parent}; choose another folder"
         )
-    _check_verified(target, verification)
+    _check_verification(target, verification)
     content = {name: text.encode("utf-8") for name, text in fmu_files(target).items()}
     record = json.dumps(verification.as_json(), indent=2) + "\n"
     content["documentation/verification.json"] = record.encode("utf-8")
@@ -123,8 +123,7 @@ def _context(target: Target, variables: Sequence[Variable], token: str) -> dict[
     }
 
 
-def _check_verified(target: Target, verification: Verification) -> None:
-    """Raise InputError if the verification failed or belongs to different sources."""
+def _check_verification(target: Target, verification: Verification) -> None:
     if not verification.passed:
         why = "; ".join(verification.problems) or "it did not pass"
         raise InputError(
@@ -160,7 +159,7 @@ def _compile(target: Target, content: Mapping[str, bytes]) -> bytes:
 
 def _write_zip(place: Path, content: Mapping[str, bytes]) -> None:
     """Write a ZIP archive atomically. The same content always gives the same bytes."""
-    zip_date = (1980, 1, 1, 0, 0, 0)  # A constant date makes archives of the same target equal.
+    zip_date = (1980, 1, 1, 0, 0, 0)  # A constant date makes archives with equal content equal.
     beside = place.with_name(f".{place.name}.{os.getpid()}.part")
     try:
         with zipfile.ZipFile(beside, "w") as archive:

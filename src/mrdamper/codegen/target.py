@@ -88,12 +88,12 @@ class Target:
 
     @property
     def any_part(self) -> RealtimeDamper | ForceController:
-        """Return the model if it is exported, otherwise the controller (both have the common properties)."""
+        """Return the model if it is exported, otherwise the controller."""
         return next(iter(self.parts.values()))
 
     @property
     def compile_options(self) -> Mapping[str, int]:
-        """Return the compile-time options of the C code, which select laws and methods."""
+        """Return the compile-time options, which select hysteresis laws and controllers."""
         return compile_options(*(part.config for part in self.parts.values()))
 
 

@@ -232,11 +232,10 @@ def _parameters(target: Target) -> Iterator[Variable]:
             "use_thermometer_reading", "thermometer_reading corrects the thermal model", start=False
         )
         yield _switch("use_coil_resistance", "coil_resistance corrects the thermal model", start=False)
-    yield from _tunables(target)
+    yield from _tunable_parameters(target)
 
 
-def _tunables(target: Target) -> Iterator[Variable]:
-    """Generate the parameters that can change between time steps, each with its C struct member."""
+def _tunable_parameters(target: Target) -> Iterator[Variable]:
     for part, source in target.parts.items():
         # A prefix distinguishes the parameters of model and controller if both are exported.
         owner = "" if target.content != "both" else "damper_" if part == "model" else "controller_"

@@ -49,11 +49,12 @@ def envelope_rows(target: Target, samples: int = 100_000, seed: int = 1) -> dict
     rng = np.random.default_rng(seed)
     limits = _limits_of(target)
     segments: tuple[tuple[float, _Segment], ...] = (
-        (0.2, _random), (0.2, _reversing), (0.3, _outside_envelope), (0.2, _failing),
+        (0.2, _random_segment), (0.2, _reversing_segment), (0.3, _outside_segment), (0.2, _failing_segment),
     )  # fmt: skip
     counts = [int(fraction * samples) for fraction, _ in segments]
     pieces = [make(limits, count, rng) for count, (_, make) in zip(counts, segments, strict=True)]
-    pieces.append(_random(limits, samples - sum(counts), rng))  # All readings are valid again at the end.
+    # All readings are valid again in the last segment.
+    pieces.append(_random_segment(limits, samples - sum(counts), rng))
     rows = {name: np.concatenate([piece[name] for piece in pieces]) for name in COLUMNS}
     rows["temperature"][:20] = np.nan  # Begin without a temperature reading.
     velocity_known = np.repeat(rng.random(samples // 130 + 1) < 0.5, 130)[:samples]
@@ -158,15 +159,12 @@ def _rows(
     return dict(zip(COLUMNS, values, strict=True))
 
 
-def _random(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
-    """Return a segment with random motion, command, temperature and target."""
+def _random_segment(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
     noise = 1e-5 * rng.standard_normal(count)
     return _rows(limits, rng, _moving(limits, count, rng) + noise)
 
 
-def _reversing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
-    """Return a segment with constant speed between sharp reversals, and jumps of command and target."""
-
+def _reversing_segment(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
     def random_steps(shortest: int, longest: int) -> FloatArray:
         lengths = rng.integers(shortest, longest, count // shortest + 1)
         levels = rng.choice([0.0, 0.5, 1.0, *rng.random(3)], len(lengths))
@@ -182,8 +180,7 @@ def _reversing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[st
     return _rows(limits, rng, folded, current=limits.command * random_steps(5, 200), wanted=wanted)
 
 
-def _outside_envelope(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
-    """Return a segment with motion, command, target and temperature outside the envelope."""
+def _outside_segment(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
     current = limits.command * (0.5 + 1.6 * _noise(rng, count, limits.step, 0.05, 1.0))
     wanted = 4.0 * limits.force * np.sign(_noise(rng, count, limits.step, 0.1, 1.0))
     low, high = limits.temperature
@@ -194,8 +191,7 @@ def _outside_envelope(limits: _Limits, count: int, rng: np.random.Generator) -> 
     return _rows(limits, rng, moving, current=current, temperature=ramp, wanted=wanted)
 
 
-def _failing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
-    """Return a segment with short and long failures of one sensor or of several sensors simultaneously."""
+def _failing_segment(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
     rows = _rows(limits, rng, _moving(limits, count, rng))
     for name in COLUMNS:
         start = 0

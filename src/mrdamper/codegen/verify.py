@@ -61,7 +61,7 @@ def verify_c(target: Target, *, samples: int = 100_000, seed: int = 1) -> Verifi
         place = Path(folder)
         for name, text in sources.items():
             (place / name).write_bytes(text.encode("utf-8"))
-        gnu = _is_gnu(compiler)
+        gnu = _accepts_gcc_flags(compiler)
         flags = (*FLAGS, *WARNINGS) if gnu else ("-O2",)
         program = _build(target, place, compiler, flags, usage=gnu)
         outputs_of_c = replay(target, program, rows, place)
@@ -133,7 +133,8 @@ def replay(
     done = _run([*map(str, program), str(given), str(got)], folder)
     if done.returncode != 0:
         raise CheckError(
-            place="verification", found=f"the compiled replay ended with {done.returncode}: {_first(done)}"
+            place="verification",
+            found=f"the compiled replay ended with {done.returncode}: {_first_error(done)}",
         )
     columns = got.read_text(encoding="ascii").partition("\n")[0].split(",")
     values = np.loadtxt(got, delimiter=",", skiprows=1, ndmin=2)
@@ -199,12 +200,14 @@ def expectations(
     columns = replay_outputs(target)
     if target.model is not None:
         names: tuple[str, ...] = ("displacement", "velocity", "current", "temperature")
-        force, flags, estimates = _by_blocks(target.model, np.column_stack([rows[name] for name in names]))
+        force, flags, estimates = _run_in_python(
+            target.model, np.column_stack([rows[name] for name in names])
+        )
         applied = np.array([estimate.applied for estimate in estimates])
         expected["model"] = (columns["model"], {"force": force, "applied": applied, "flags": flags}, at)
     if target.controller is not None:
         names = ("wanted", "wanted_ahead", "displacement", "temperature", "force")
-        current, flags, estimates = _by_blocks(
+        current, flags, estimates = _run_in_python(
             target.controller, np.column_stack([rows[name] for name in names])
         )
         held = np.array([_summed(estimate, single=target.single) for estimate in estimates])
@@ -217,10 +220,9 @@ def expectations(
 # ------------------------------------------------------------------------------------------- in Python
 
 
-def _by_blocks(
+def _run_in_python(
     part: ForceController | RealtimeDamper, inputs: FloatArray
 ) -> tuple[FloatArray, FloatArray, list[StateEstimate]]:
-    """Run model or controller in Python; return outputs, flags and state estimates."""
     state = part.start()
     values, flags, estimates = [], [], []
     for start in range(0, len(inputs), STATE_SAMPLE_COUNT):
@@ -290,7 +292,7 @@ def compile_c(command: Sequence[str], place: Path) -> None:
     done = _run(command, place)
     if done.returncode != 0:
         raise CheckError(
-            f"{shlex.join(command)} failed: {_first(done)}",
+            f"{shlex.join(command)} failed: {_first_error(done)}",
             place="verification",
             expected="compilation without a warning",
             remedy="Report this, or compile with another compiler (CC=...)",
@@ -320,15 +322,13 @@ def _run(command: Sequence[str], place: Path) -> subprocess.CompletedProcess[str
         ) from fault
 
 
-def _first(done: subprocess.CompletedProcess[str]) -> str:
-    """Return the first error message in the output of a finished process."""
+def _first_error(done: subprocess.CompletedProcess[str]) -> str:
     lines = (done.stderr.strip() or done.stdout.strip() or "no message").splitlines()
     worst = [line for line in lines if "error" in line]
     return (worst or lines)[0].strip()
 
 
-def _is_gnu(compiler: Sequence[str]) -> bool:
-    """Return True if the compiler accepts the flags of gcc and clang."""
+def _accepts_gcc_flags(compiler: Sequence[str]) -> bool:
     return bool(re.search(r"gcc|clang|free software foundation", _version_text(compiler), re.IGNORECASE))
 
 

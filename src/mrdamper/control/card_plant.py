@@ -1,9 +1,9 @@
 """A virtual damper made from a model card, for tests without model error.
 
 The command is first delayed by the dead time and the lags in the card. The kernel then steps the hysteresis
-law sample by sample. A controller that is made from the same card has no model error on this damper. Its
-tracking error is caused only by lags and sensor noise. The test therefore does not show whether the card
-describes the real damper.
+law sample by sample. A controller that is made from this card has no model error on this damper. Its tracking
+error is caused only by lags and sensor noise. The test therefore does not show whether the card describes the
+real damper.
 
 The damper starts with zero force and zero command. Extension is positive.
 """

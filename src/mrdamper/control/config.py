@@ -20,7 +20,7 @@ class InverseMethod(IntEnum):
 
 
 class FeedbackKind(IntEnum):
-    """Feedback law for a measured force."""
+    """Method of feedback for a measured force."""
 
     NONE = 0
     PI = 1
@@ -41,8 +41,8 @@ class Axes:
 class Law:
     """The hysteresis model of the damper."""
 
-    series: bool  # True for the law ``series-valve``
-    chain: bool  # True for the law ``chain``
+    series: bool  # True for the hysteresis law ``series-valve``
+    chain: bool  # True for the hysteresis law ``chain``
     elements: int  # number of hysteretic elements; 0: the force follows the sign of the velocity
     saturating: bool  # True: second yield force is a function of speed times the state of the first element
     unloaded: float  # [-] normalised travel in which the hysteresis variable w rises from -1 to 0
@@ -152,9 +152,9 @@ class Prediction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Feedback:
-    """Feedback of a measured force: feedback law, gains and disturbance observer."""
+    """Feedback of a measured force: method, gains and disturbance observer."""
 
-    kind: FeedbackKind  # feedback law
+    kind: FeedbackKind  # method of feedback
     gain: float  # [A/N] gain of the force error
     rate: float  # [A/(N s)] gain of the integral of the force error
     full_speed: float  # [m/s] speed above which the full gain is used; the gain is smaller at lower speeds

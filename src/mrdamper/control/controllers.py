@@ -187,10 +187,7 @@ class ForceController(Stepper):
     def scaled(
         self, yield_gain: float = 1.0, viscous_gain: float = 1.0, friction_gain: float = 1.0
     ) -> ForceController:
-        """Return the controller for a damper with changed force parts.
-
-        Each gain multiplies one part of the model force, for example to describe an aged damper.
-        """
+        """Return the controller for a damper whose force parts differ by these gains."""
         gains = (yield_gain, viscous_gain, friction_gain)
         if not all(0.1 <= gain <= 10.0 for gain in gains):
             raise InputError(place="controller", found=f"gains are {gains}", expected="0.1 to 10")
@@ -212,7 +209,7 @@ def names_for(law: str, *, has_lag: bool = True) -> tuple[str, ...]:
 
 
 def check_name(name: str, law: str) -> None:
-    """Raise ``InputError`` if the name is a controller that is not available for this law."""
+    """Raise ``InputError`` if a controller is not available for a hysteresis law."""
     if name in NAMES and name not in names_for(law):
         raise InputError(
             place="controller",

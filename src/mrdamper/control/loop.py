@@ -98,7 +98,7 @@ def reference_trajectory(scenario: Scenario, step_s: float) -> ReferenceTrajecto
 def _sampled(motion: str, count: int, step_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return time [s], displacement [m] and velocity [m/s] of a motion, read-only, each of shape (count,).
 
-    The result is cached because many targets are evaluated on the same motion.
+    The result is cached because one motion is often used with many targets.
     """
     path, time = motion_from_text(motion), step_s * np.arange(1.0, count + 1.0)
     return read_only(time), read_only(path.displacement(time)), read_only(path.velocity(time))
@@ -339,7 +339,6 @@ def _loop_in_python(plant: Plant, loop: _Loop, course: ReferenceTrajectory) -> N
 
 
 def _driver_current(current: float, settings: LoopSettings) -> float:
-    """Return the output of the current driver: the current rounded to the driver's resolution and limited."""
     if settings.command_step_A > 0.0:
         current = settings.command_step_A * round(current / settings.command_step_A)
     return min(max(current, 0.0), settings.highest_A)
@@ -403,19 +402,18 @@ def _read_sensors(scenario: Scenario, period_s: float, samples: int) -> _Sensed:
             if each.sensor == sensor and each.fault == "shifted":
                 values[(time >= each.start_s) & (time < each.end_s)] += each.shift
         values[noise[sensor].random(samples) < sensing.lost_share] = np.nan
-        for inside in _faults(sensing, sensor, "missing", time):
+        for inside in _dropout_masks(sensing, sensor, "missing", time):
             values[inside] = np.nan
     for values, of in ((x, "displacement"), (kelvin, "temperature")):
-        for inside in _faults(sensing, of, "frozen", time):
+        for inside in _dropout_masks(sensing, of, "frozen", time):
             values[inside] = values[max(int(np.argmax(inside)) - 1, 0)]
     frozen = np.zeros(samples)
-    for inside in _faults(sensing, "force", "frozen", time):
+    for inside in _dropout_masks(sensing, "force", "frozen", time):
         frozen[inside] = 1.0
     return _Sensed(x, kelvin, force, frozen)
 
 
-def _faults(sensing: Sensing, sensor: str, fault: str, time: FloatArray) -> list[BoolArray]:
-    """Return one mask of samples per dropout of a sensor with the given kind of fault."""
+def _dropout_masks(sensing: Sensing, sensor: str, fault: str, time: FloatArray) -> list[BoolArray]:
     spans = [(e.start_s, e.end_s) for e in sensing.dropouts if e.sensor == sensor and e.fault == fault]
     found = [(time >= start) & (time < end) for start, end in spans]
     return [inside for inside in found if inside.any()]

@@ -48,7 +48,7 @@ class ControlSettings:
 
     # Other parts of the controllers
     observer_s: float = 0.15  # time constant of the disturbance observer
-    series_step_s: float = 1e-3  # max integration step of the laws ``series-valve`` and ``chain`` [s]
+    series_step_s: float = 1e-3  # max integration step of series-valve and chain [s]
     # A larger command [A or V] sets a flag if the card was fitted only to runs at zero command.
     unpowered_command_max: float = 1e-3
     # Time limits without a valid temperature reading: constant estimate, extrapolated estimate

@@ -57,7 +57,7 @@ def size_targets(plant: Plant, highest_A: float, motions: Sequence[str] = ()) ->
     found = []
     for name, share, motion in zip_longest(SHARES, SHARES.values(), motions[: len(SHARES)]):
         base = _replace_motion(SCENARIOS[name], motion or SCENARIOS[name].motion)
-        low, high = _ends(plant, base, highest_A)
+        low, high = _force_range_at_current(plant, base, highest_A)
         target = replace(
             base.target,  # type: ignore[type-var]  # both target classes have an amplitude and an offset
             amplitude_N=round(share * 0.5 * (high - low), 1),
@@ -69,7 +69,7 @@ def size_targets(plant: Plant, highest_A: float, motions: Sequence[str] = ()) ->
 
 def shift_to_temperature(plant: Plant, scenario: Scenario, temperature_degC: float) -> Scenario:
     """Return a scenario at another temperature; its target offset is the gas force."""
-    low, high = _ends(plant, scenario, 0.0, temperature_degC)
+    low, high = _force_range_at_current(plant, scenario, 0.0, temperature_degC)
     target = replace(scenario.target, offset_N=round(0.5 * (low + high), 1))  # type: ignore[type-var]
     return replace(scenario, target=target, temperature_degC=temperature_degC)
 
@@ -84,13 +84,12 @@ def _replace_motion(scenario: Scenario, motion: str) -> Scenario:
     return replace(scenario, motion=motion, target=target)
 
 
-def _ends(
+def _force_range_at_current(
     plant: Plant,
     scenario: Scenario,
     current: float,
     temperature_degC: float = SETTINGS.sizing_temperature_degC,
 ) -> tuple[float, float]:
-    """Simulate a scenario at constant current; return the result of ``ends_of``."""
     course = reference_trajectory(scenario, plant.step_s)
     force = plant.copy().advance_many(course.displacement, course.velocity, current, temperature_degC)
     return ends_of(force[course.scored_from :])

@@ -208,7 +208,7 @@ def prediction_of(
 
 
 def horizon_end(prediction: config.Prediction) -> float:
-    """Return the time from now to the end of the prediction horizon [s]."""
+    """Return the time from now to the last time of the prediction horizon [s]."""
     return prediction.dead + _parts(prediction.steps, prediction.stretch) * prediction.step
 
 

@@ -72,7 +72,7 @@ class Record:
     step : sample interval [s]
     displacement, velocity, acceleration : [m], [m/s], [m/s^2], shape (n,)
     dead_band : reversals up to this size are ignored [m]
-    longest_step : longest integration step of the implicit laws [s]
+    longest_step : longest integration step of the laws ``series-valve`` and ``chain`` [s]
     batch : arguments ``patience``, ``last`` and ``motion`` of ``open_batch``; None for a whole run
     """
 
@@ -176,7 +176,6 @@ def _coefficient_count(law: int) -> int:
 
 
 def _model(law: int, coefficients: FloatArray, samples: int) -> list[Any]:
-    """Return the argument ``mrd_model *`` for a law with coefficients of shape (m,) or (m, samples)."""
     count = _coefficient_count(law)
     if coefficients.size not in (count, count * samples):
         raise ValueError(
@@ -393,7 +392,7 @@ def _sum_products(
         DOUBLE.api.gram_sums(
             law,
             *runs,
-            *_candidates(law, coefficients, runs[0]),
+            *_candidate_count_and_pointer(law, coefficients, runs[0]),
             len(places),
             places,
             doubles(out, "out"),
@@ -402,8 +401,7 @@ def _sum_products(
     )
 
 
-def _candidates(law: int, coefficients: FloatArray, runs: int) -> tuple[int, Any]:
-    """Return the number of candidates and a pointer to coefficients of shape (candidates, runs, m)."""
+def _candidate_count_and_pointer(law: int, coefficients: FloatArray, runs: int) -> tuple[int, Any]:
     count = _coefficient_count(law)
     if coefficients.ndim != 3 or coefficients.shape[1:] != (runs, count):
         raise ValueError(
@@ -415,7 +413,7 @@ def _candidates(law: int, coefficients: FloatArray, runs: int) -> tuple[int, Any
 def forces(law: int, records: Sequence[Record], coefficients: FloatArray) -> list[FloatArray]:
     """Return the force [N] along every record, shape (n,) each.
 
-    If the law is integrated in steps, several records are computed at once.
+    For ``series-valve`` and ``chain``, several records are computed in parallel.
 
     Parameters
     ----------
@@ -447,7 +445,7 @@ def squared_errors(
     """
     errors = np.empty(coefficients.shape[:2])
     runs = _runs(records, measured, starts)
-    candidates = _candidates(law, coefficients, runs[0])
+    candidates = _candidate_count_and_pointer(law, coefficients, runs[0])
     _check(DOUBLE.api.squared_errors(law, *runs, *candidates, doubles(errors, "errors")))
     return errors
 

@@ -53,7 +53,7 @@ _address_of = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char
 
 
 class Tracker:
-    """A force-tracking controller, or the model of a damper, with its tables. The object is immutable.
+    """A force-tracking controller, or a damper model, with its tables; immutable.
 
     Parameters
     ----------

@@ -164,13 +164,12 @@ def _problem_of_run(run: Mapping[str, Any]) -> str:
         found = f"name is {run['name']!r} and split is {run['split']!r}"
         return f"{found}; expected a text, and one of {', '.join(SPLITS)}"
     for key in ("rmse_N", "nrmse_percent"):
-        if not _is_finite(run[key]) or run[key] < 0.0:
+        if not _is_finite_number(run[key]) or run[key] < 0.0:
             return f"{key} is {run[key]!r}; expected a finite number, at least 0"
     return ""
 
 
-def _is_finite(value: object) -> bool:
-    """Return True if the value is a JSON number in the range of a float."""
+def _is_finite_number(value: object) -> bool:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return abs(value) <= sys.float_info.max
@@ -202,7 +201,7 @@ def _freeze(value: Any, place: str, *, ordered: bool = False) -> Any:  # noqa: A
         return _freeze(value.tolist(), place)
     if isinstance(value, str):
         _require_unicode(value, place)
-    if value is None or isinstance(value, str | bool) or _is_finite(value):
+    if value is None or isinstance(value, str | bool) or _is_finite_number(value):
         return value
     raise InputError(
         found=f"{place} is {value!r}", expected="JSON values: text, finite numbers, lists, tables"

@@ -130,6 +130,5 @@ def read_draws(folder: str | Path, damper: Damper) -> CardDraws:
 
 
 def _digest(damper: Damper) -> str:
-    """Return a hash of the law and of the parameters of a damper, rounded to ten digits."""
     lines = [damper.law.name, *(f"{name} {value:.9e}" for name, value in damper.parameters_and_lag.items())]
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()

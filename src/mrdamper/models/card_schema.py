@@ -248,7 +248,8 @@ def read_card(path: str | Path, *, python_law: HysteresisLaw | None = None) -> M
     Parameters
     ----------
     path : the card
-    python_law : the user-defined law of the card from ``load_python_law``; None for a law of the kernel
+    python_law : the user-defined hysteresis law of the card, from ``load_python_law``; None if the law is in
+        the kernel
 
     Raises
     ------

@@ -37,10 +37,7 @@ FORCE_RATIO_MIN = 1e-9  # A ratio of two forces below this value is caused only 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SteadyCycle:
-    """Motion and force in the last simulated period of a sine.
-
-    The period begins at mid-stroke, in extension.
-    """
+    """Motion and force in a period of a sine, which begins at mid-stroke in extension."""
 
     motion: Sine
     velocity: FloatArray  # [m/s], shape (n,)
@@ -315,7 +312,7 @@ def _responses(damper: Damper, scope: Scope) -> tuple[Response, ...]:
 
 
 def pick_evenly(values: Sequence[Value], most: int) -> tuple[Value, ...]:
-    """Return at most ``most`` of the values, evenly spaced by index, both ends included."""
+    """Return at most ``most`` of the values, evenly spaced by index."""
     if len(values) <= most:
         return tuple(values)
     indices = np.unique(np.linspace(0, len(values) - 1, most).round().astype(int))
@@ -328,7 +325,6 @@ def in_degrees(temperature: float | None) -> float | None:
 
 
 def _sine_at(peak_velocity: float, amplitude: float) -> Sine:
-    """Return the sine of an amplitude [m] with a peak velocity [m/s]."""
     if not (0.0 < amplitude < math.inf and 0.0 < peak_velocity < math.inf):
         raise InputError(
             place="characteristics",

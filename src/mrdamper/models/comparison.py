@@ -1,7 +1,7 @@
 """Comparison of two dampers at the same commands, temperatures and speeds.
 
-Both dampers are evaluated inside their common envelope. Parameters are compared only if the laws are the
-same. The standard errors of the two dampers are assumed to be independent.
+Both dampers are evaluated inside their common envelope. Parameters are compared only if both dampers have one
+hysteresis law. The standard errors of the two dampers are assumed to be independent.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Comparison(JobResult):
     envelope: OperatingEnvelope  # common envelope of both cards
     scope: Scope
     found: tuple[Characterisation, Characterisation]
-    parameters: tuple[ParameterPair, ...]  # empty if the laws differ
+    parameters: tuple[ParameterPair, ...]  # empty if the hysteresis laws differ
     own_error_N: float | None  # root sum of squares of the RMS errors of both models
     notes: tuple[str, ...]
 
@@ -203,7 +203,7 @@ def _temperatures_of(card: ModelCard) -> Range | None:
 
 
 def _parameters(cards: tuple[ModelCard, ModelCard]) -> tuple[ParameterPair, ...]:
-    """Return the parameters that were fitted or that differ in two dampers; empty if the laws differ."""
+    """Return fitted or different parameters; empty if the hysteresis laws differ."""
     dampers = [card.damper for card in cards]
     if dampers[0].law.name != dampers[1].law.name:
         return ()

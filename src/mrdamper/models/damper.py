@@ -138,7 +138,7 @@ class Damper:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Return every parameter by its flat name (``yield_force.gain``), in the order of the law."""
+        """Return every parameter by its flat name, such as ``yield_force.gain``."""
         return {
             f"{coefficient}.{name}": number
             for coefficient, form in self.coefficients.items()

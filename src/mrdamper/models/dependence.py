@@ -499,7 +499,6 @@ def _linear_batch(
 
 
 def _gradient(form: ParameterLaw, command: ArrayLike, temperature: ArrayLike | None) -> FloatArray:
-    """Return the gradient of one form, shape (parameters, *shape of command)."""
     at = _array(command)
     rows = form.evaluate_batch(
         np.array(form.parameters)[:, None], at.ravel(), _kelvin(at, temperature).ravel()
@@ -535,7 +534,6 @@ def _array(command: ArrayLike) -> FloatArray:
 
 
 def _kelvin(command: ArrayLike, temperature: ArrayLike | None) -> FloatArray:
-    """Return the temperature [K] in the shape of the command; default 20 degC."""
     return np.broadcast_to(_array(REFERENCE_K if temperature is None else temperature), np.shape(command))
 
 

@@ -74,7 +74,8 @@ class PythonLaw(Protocol):
 class HysteresisLaw:
     """A hysteresis law: name, coefficients in the order of the kernel, and conditions in words.
 
-    ``kernel`` is the number of the law in the C kernel, or ``None`` for a law in Python (``python``).
+    ``kernel`` is the number of the hysteresis law in the C kernel. It is None for a user-defined law, which
+    is in ``python``.
     """
 
     name: str
@@ -96,7 +97,7 @@ class HysteresisLaw:
         return self.coefficients[self.names.index(name)]
 
     def violations(self, values: Mapping[str, FloatArray | float]) -> tuple[str, ...]:
-        """Return one sentence for each coefficient outside its range; empty if the law is well posed."""
+        """Return one sentence for each coefficient outside its range."""
         found = []
         for name, value in values.items():
             coefficient = self[name]

@@ -21,7 +21,7 @@ from mrdamper.models.dependence import ParameterLaw
 class _Moving:
     """A coefficient that is nonlinear in a parameter; its gradient is not constant."""
 
-    place: int  # index of the coefficient in the list of the law
+    place: int  # index of the coefficient in the order of the hysteresis law
     column: int  # index among the coefficients with a gradient; -1: without gradient
     form: ParameterLaw
     fixed: FloatArray  # parameters of the form, shape (k, 1)

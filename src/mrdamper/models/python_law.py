@@ -34,10 +34,11 @@ Force = Callable[[State, float, float, float, Values], float]  # like Rate, with
 
 @dataclass(frozen=True, slots=True)
 class Equations:
-    """The equations of a law with any number of internal states, which start at zero.
+    """Equations of a hysteresis law with any number of internal states, zero at first.
 
-    ``rate`` is None for a law without memory. ``scale`` returns the typical sizes of the states, computed
-    from the coefficients at the first sample. The tolerance of the integrator is relative to these sizes.
+    ``rate`` is None for a law without internal states. ``scale`` returns the typical sizes of the states,
+    computed from the coefficients at the first sample. The tolerance of the integrator is relative to these
+    sizes.
     """
 
     rate: Rate | None
@@ -50,7 +51,7 @@ def integrate(
 ) -> FloatArray:
     """Return the damper force [N] at the samples of a trajectory, shape (n,).
 
-    The effective command starts at the value of the first sample. Errors of a state are about ``tolerance``
+    At the first sample, the effective command equals the command. Errors of a state are about ``tolerance``
     times the typical size of the state. A smaller tolerance takes more time.
 
     Parameters
@@ -107,7 +108,6 @@ def force_of_states(
 
 
 def _equations_of(law: HysteresisLaw) -> Equations:
-    """Return the equations of a user-defined law, which has one state."""
     own = law.python
     if own is None:
         raise InputError(f"law {law.name!r} is the kernel's", expected="a law in Python, or its equations")
@@ -174,7 +174,7 @@ class _Path:
 
 def _integrate(rate: Rate, scale: State, path: _Path, damper: Damper, tolerance: float) -> FloatArray:
     """Return the states at the samples, shape (n, states); the integration restarts at each reversal."""
-    call_count_max = 20_000  # max calls of a law's rate for one sample; a typical number is some tens
+    call_count_max = 20_000  # max calls of ``rate`` for one sample; some tens are normal
     from scipy.integrate import solve_ivp
 
     last = path.count - 1

@@ -1,6 +1,6 @@
 """Simulation of the force of a damper for a motion and a command.
 
-Laws of the kernel run in C, user-defined laws in Python by the integrator of ``python_law``. ``tangents``
+Hysteresis laws of the kernel run in C. ``python_law`` integrates user-defined laws in Python. ``tangents``
 computes derivatives of the force.
 """
 

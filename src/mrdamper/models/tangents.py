@@ -1,6 +1,7 @@
 """Tangents: derivatives of the force of a damper with respect to its parameters, for one or many runs.
 
-The kernel computes the tangents of its laws. The tangents of a law in Python are central differences.
+The C kernel computes the tangents of its hysteresis laws. The tangents of a user-defined law in Python are
+central differences.
 """
 
 from __future__ import annotations

@@ -132,7 +132,7 @@ class Arrhenius(_Factor):
 
 @dataclass(frozen=True, slots=True)
 class Reynolds(_Factor):
-    """factor = exp[-rate (T - 293.15)]: the exponential viscosity law."""
+    """factor = exp[-rate (T - 293.15)]: exponential decrease of viscosity."""
 
     temperature_rate: float  # relative decrease per kelvin at any temperature [1/K]
 
@@ -241,7 +241,7 @@ FACTORS: Mapping[str, type[TemperatureFactor]] = MappingProxyType(
 def factor_parameter_names(kind: str, names: Iterable[str]) -> tuple[str, ...]:
     """Return the parameter names of a kind of temperature factor.
 
-    The number of ``names`` gives the degree of a polynomial.
+    The degree of a polynomial is the number of ``names`` such as ``t1``.
     """
     if kind not in FACTORS:
         raise unknown_name(f"there is no temperature factor of kind {kind!r}", kind, FACTORS)
@@ -277,7 +277,6 @@ def _excess(temperature: ArrayLike) -> FloatArray:
 
 
 def _gradient(factor: TemperatureFactor, temperature: ArrayLike) -> FloatArray:
-    """Return the gradient of one factor in the shape of the temperature."""
     at = np.asarray(temperature, dtype=np.float64)
     rows = factor.evaluate_batch(np.array(factor.parameters)[:, None], at.ravel())[1]
     return np.stack([np.broadcast_to(row, (1, at.size)).reshape(at.shape) for row in rows])

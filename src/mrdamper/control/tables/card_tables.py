@@ -77,7 +77,7 @@ class DamperTables:
     saturating: bool
     curve: CurveTables
     speed: SpeedTables
-    series: SeriesTables | None = None  # only these tables are used for the laws series-valve and chain
+    series: SeriesTables | None = None  # only these tables are used for series-valve and chain
 
     @property
     def lookups(self) -> tuple[LookupTable, ...]:
@@ -130,7 +130,7 @@ class DamperTables:
 
     @property
     def yield_force_table(self) -> FloatArray:
-        """Return the sum of the yield forces of both hysteretic elements [N], shape (temperatures, n)."""
+        """Return the sum of both yield forces [N], shape (temperatures, n)."""
         if self.series is not None:
             return np.asarray(self.series.yield_force[0])
         rows = [self.evaluate(float(kelvin)) for kelvin in self.temperatures]
@@ -186,7 +186,7 @@ def tabulate(
         )
     high = max(low, high) if damper.temperature_dependent else low
     fine = _coefficients(damper, np.linspace(0.0, largest, 1025), np.linspace(low, high, 7))
-    shapes = {name: _constant(name, fine[name]) for name in _SHAPES if name in fine}
+    shapes = {name: _constant_coefficient(name, fine[name]) for name in _SHAPES if name in fine}
     scale = _scales(_rows(fine))
     at = largest * _current_fractions(_rows(fine), scale)
     warm = np.linspace(low, high, SETTINGS.temperature_count)
@@ -237,7 +237,6 @@ def _complete_series_tables(series: SeriesTables, temperatures: FloatArray, larg
 
 
 def _coefficients(damper: Damper, at: FloatArray, warm: FloatArray) -> dict[str, FloatArray]:
-    """Return every coefficient of the law at temperatures ``warm`` and currents ``at``, shape (t, n)."""
     current, kelvin = np.tile(at, len(warm)), np.repeat(warm, len(at))
     problems = damper.violations(current, kelvin)
     if problems:
@@ -373,8 +372,7 @@ def _parabola_values(cells: FloatArray, count: int) -> FloatArray:
     return np.asarray(c[..., 0] + fraction * (c[..., 1] + fraction * c[..., 2]))
 
 
-def _constant(name: str, values: FloatArray) -> float:
-    """Return the value of a coefficient; raise InputError if it is not constant on the grid."""
+def _constant_coefficient(name: str, values: FloatArray) -> float:
     first = float(values.flat[0])
     if float(np.ptp(values)) > 1e-9 * abs(first):
         raise InputError(

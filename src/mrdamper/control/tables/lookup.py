@@ -147,7 +147,7 @@ class CurveTables:
 
 
 def no_curve() -> CurveTables:
-    """Return placeholder tables for a law without hysteretic element."""
+    """Return placeholder tables for a damper without hysteretic element."""
     return CurveTables(1.0, *(_zero_table(1.0),) * 5)
 
 
@@ -267,7 +267,7 @@ class SpeedTables:
 
 
 def no_functions_of_speed() -> SpeedTables:
-    """Return placeholder tables for a law without functions of speed."""
+    """Return placeholder tables for a damper without functions of speed."""
     return SpeedTables(*(_zero_table(1.0),) * 4)
 
 

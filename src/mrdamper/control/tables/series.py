@@ -92,7 +92,7 @@ class Power:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeriesTables:
-    """The tables of a damper with the law ``series-valve`` or ``chain``."""
+    """The tables of a damper with the hysteresis law ``series-valve`` or ``chain``."""
 
     yield_force: FloatArray  # coefficients in ``PLANES``, shape (1 or 4, temperatures, COMMAND_COUNT)
     # Coefficients in the order of ``CHAIN``, for the law ``chain`` also ``OF_CHAIN``; shape (temperatures,
@@ -126,7 +126,6 @@ class SeriesTables:
 
     @property
     def is_chain(self) -> bool:
-        """Return True if the law is ``chain``, and False for ``series-valve``."""
         return len(self.yield_force) == len(PLANES)
 
 

@@ -70,7 +70,7 @@ def saturation_stress(particle_fraction: float, carrier_constant: float = 1.0) -
 def flux_density(field_A_m: ArrayLike, particle_fraction: float) -> FloatArray:
     """Return the flux density B [T] in the fluid at field strengths H [A/m] of any shape."""
     outside = MU_0 * np.asarray(field_A_m, dtype=np.float64)
-    iron = _iron(particle_fraction)
+    iron = _saturated_polarisation_T(particle_fraction)
     return np.asarray(outside - np.sign(outside) * iron * np.expm1(-_IRON_RATE * np.abs(outside)))
 
 
@@ -85,7 +85,7 @@ def field_strength(flux_density_T: ArrayLike, particle_fraction: float) -> Float
 
     given = np.asarray(flux_density_T, dtype=np.float64)
     target = np.abs(given)
-    iron = _iron(particle_fraction)
+    iron = _saturated_polarisation_T(particle_fraction)
     k = _IRON_RATE
     branch = lambertw(k * iron * np.exp(k * (iron - target)))  # type: ignore[call-overload]  # any shape
     outside = target - iron + np.real(branch) / k
@@ -94,8 +94,7 @@ def field_strength(flux_density_T: ArrayLike, particle_fraction: float) -> Float
     return np.asarray(np.sign(given) * outside / MU_0)
 
 
-def _iron(particle_fraction: float) -> float:
-    """Return the saturated polarisation of the iron in the fluid [T]."""
+def _saturated_polarisation_T(particle_fraction: float) -> float:
     return _IRON_T * math.pow(checked_fraction(particle_fraction), _IRON_POWER)
 
 

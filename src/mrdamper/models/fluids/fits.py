@@ -1,8 +1,8 @@
 """Fits of rheometer tables: viscosity versus temperature, yield stress versus field and temperature.
 
-All laws are fitted by ``scipy.optimize.curve_fit`` to the logarithm of the values, because the error of a
-rheometer is a percentage. If several laws are fitted, the law with the smallest Akaike criterion (AICc) is
-used. Standard errors assume independent errors of the points. ``data.rheometer`` reads the tables.
+All functions are fitted by ``scipy.optimize.curve_fit`` to the logarithm of the values, because the error of
+a rheometer is a percentage. If several functions are fitted, the function with the smallest Akaike criterion
+(AICc) is used. Standard errors assume independent errors of the points. ``data.rheometer`` reads the tables.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ HOT_K = 373.15  # Reports state the decrease of viscosity or yield stress from 2
 
 @dataclass(frozen=True, slots=True)
 class FittedParameter:
-    """A parameter of a fitted law; the standard error of a parameter that is fixed or at a bound is NaN."""
+    """A fitted parameter; its standard error is NaN if it is fixed or at a bound."""
 
     name: str
     unit: str
@@ -37,7 +37,7 @@ class FittedParameter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LawFit:
-    """A fitted law: a value at 20 degC times a temperature factor.
+    """A fitted function: a value at 20 degC times a temperature factor.
 
     The value at 20 degC is ``at_reference`` for a viscosity, and the function ``field_law`` of the field for
     a yield stress.
@@ -61,7 +61,7 @@ class LawFit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Study:
-    """All laws that were fitted to one quantity, best law first, and the data points.
+    """All functions that were fitted to one quantity, best first, and the data points.
 
     For a viscosity, the field ``field_A_m`` is zero at all points.
     """
@@ -81,7 +81,7 @@ class Study:
 def fit_viscosity(
     temperature_K: FloatArray, viscosity_Pa_s: FloatArray, *, place: str = "viscosity table"
 ) -> Study:
-    """Fit the laws of Arrhenius, Reynolds and (with six temperatures or more) Vogel, Fulcher and Tammann.
+    """Fit viscosity functions: Arrhenius, Reynolds and, for six temperatures, VFT.
 
     Parameters
     ----------
@@ -289,7 +289,8 @@ def _is_valid(kelvin: FloatArray) -> BoolArray:
 
 def _require_points(kelvin: FloatArray, values: FloatArray, used: BoolArray, count: int, place: str) -> None:
     """Raise InputError if a value is not positive or if there are too few temperatures."""
-    temperature_span_min_K = 10.0  # A temperature law cannot be fitted to a smaller range of temperatures.
+    # A temperature dependence cannot be fitted to a smaller range of temperatures.
+    temperature_span_min_K = 10.0
     bad = ~((values > 0.0) & np.isfinite(values))
     if bad.any():
         raise InputError(
