@@ -191,9 +191,6 @@ def environment() -> Environment:
     return made
 
 
-# ------------------------------------------------------------------------------------------------ printing
-
-
 @dataclass(frozen=True, slots=True)
 class _Array:
     """A constant table as C text."""

@@ -217,9 +217,6 @@ def expectations(
     return expected
 
 
-# ------------------------------------------------------------------------------------------- in Python
-
-
 def _run_in_python(
     part: ForceController | RealtimeDamper, inputs: FloatArray
 ) -> tuple[FloatArray, FloatArray, list[StateEstimate]]:
@@ -259,9 +256,6 @@ def _problems_of(target: Target, name: str, given: FloatArray, found: Difference
             f"{'the same bits' if exact else f'{DOUBLE_TOLERANCE:g}'}"
         )
     return problems
-
-
-# ------------------------------------------------------------------------------------ with the compiler
 
 
 def _build(

@@ -5,10 +5,11 @@ Use the model for hardware in the loop, co-simulation, or as a virtual force sen
 fitting, because its tables approximate the hysteresis law. ``models.simulate`` uses the hysteresis law
 itself.
 
-The current of an input row is the current during the sampling period before the other values are read. If the
-velocity is given, the model uses displacement and velocity unfiltered. Otherwise the motion filter of the
-controllers estimates the velocity. By default, this filter is designed for a displacement without noise. For
-a sensor with 10 um noise, pass ``displacement_noise_m=10e-6, jerk_density=1.0``.
+In each input row, the current is the current during the past sampling period, and the other values are
+readings at its last moment. If the velocity is given, the model uses displacement and velocity unfiltered.
+Otherwise the motion filter of the controllers estimates the velocity. By default, this filter is designed for
+a displacement without noise. For a sensor with 10 um noise, pass the arguments
+``displacement_noise_m=10e-6, jerk_density=1.0``.
 """
 
 from __future__ import annotations

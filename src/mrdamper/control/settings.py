@@ -13,8 +13,8 @@ class ControlSettings:
     jerk_density: float = 1.0  # jerk of the motion model [m/s^3 per root Hz]
     harmonic_jerk_ratio: float = 0.3  # factor on the jerk density for an assumed harmonic motion
     frequency_filter_s: float = 1.0  # time constant of the averages of v^2 and a^2 in the frequency estimate
-    # Upper limit of the angular frequency omega of the assumed harmonic motion. The limit is 1 / omega = this
-    # ratio times the time constant of the motion filter. Above the limit, the filter could become unstable.
+    # Limit of the angular frequency omega of the assumed harmonic motion: 1 / omega must be at least this
+    # ratio times the time constant of the motion filter. Otherwise the filter could become unstable.
     inverse_frequency_ratio_min: float = 3.0
     settling_ratio: float = 8.0  # settling time of a motion filter, divided by its time constant
 

@@ -21,8 +21,8 @@ Power = tuple[float, float, float, int, FloatArray, FloatArray]
 # Arguments of C for another function: offset, largest argument, log2 of the number of cells in an octave,
 # cells.
 Lookup = tuple[float, float, int, FloatArray]
-# Tables of the laws ``series-valve`` and ``chain``: coefficients by temperature and current, coefficients by
-# temperature, power functions, other functions.
+# Tables of the laws ``series-valve`` and ``chain``: coefficients versus temperature and current, further
+# coefficients versus temperature, power functions, and the functions tanh u and exp(-u^2).
 Series = tuple[FloatArray, FloatArray, Sequence[Power], Sequence[Lookup]]
 # Settings of a closed loop: damper steps per sample, delay in samples, additional delay in steps, flag. The
 # flag is True if the force is measured. The other values are gain and offset of the damper force, largest

@@ -164,10 +164,10 @@ class Applied:
     def _after_play(self, k: int, flux: FloatArray, width: float) -> FloatArray:
         """Return the output of dead band ``k`` (play operator) for the input ``flux``.
 
-        At each sample, the output is the previous output, clipped to the range from ``flux`` to ``flux +
-        width``. Two successive clips are equal to one clip with combined limits. Therefore the limits of all
-        samples are combined in log2(n) passes by a parallel prefix scan (Hillis & Steele, Commun. ACM 29
-        (1986) 1170-1183).
+        At each sample, the output is the previous output, clipped to the range from ``flux`` to
+        ``flux + width``. Two successive clips are equal to one clip with combined limits. Therefore the
+        limits of all samples are combined in log2(n) passes by a parallel prefix scan (Hillis & Steele,
+        Commun. ACM 29 (1986) 1170-1183).
         """
         low, high = flux.copy(), flux + width
         shift = 1

@@ -51,9 +51,6 @@ _FormName = Annotated[str, Option(among=lambda: FORMS)]
 _FactorName = Annotated[str, Option(among=lambda: FACTORS)]
 
 
-# ------------------------------------------------------------------------------------------- records
-
-
 @dataclass(frozen=True, kw_only=True)
 class TemperatureRecord:
     """Temperature factor of a coefficient; ``assumed`` is True if the factor comes from fluid data."""
@@ -127,9 +124,6 @@ class CardRecord:
     sources: tuple[str, ...]
     notes: Mapping[str, Any]
     force_band: ForceBand | None
-
-
-# ------------------------------------------------------------------------------------------- writing
 
 
 def write_card(card: ModelCard, path: str | Path) -> None:
@@ -239,9 +233,6 @@ def _layout(value: Any, indent: int = 0) -> str:  # noqa: ANN401 - any JSON valu
     return "[\n" + ",\n".join(inner + row for row in rows) + f"\n{' ' * indent}]"
 
 
-# ------------------------------------------------------------------------------------------- reading
-
-
 def read_card(path: str | Path, *, python_law: HysteresisLaw | None = None) -> ModelCard:
     """Read and check a card. Nothing in the file is executed.
 
@@ -256,7 +247,7 @@ def read_card(path: str | Path, *, python_law: HysteresisLaw | None = None) -> M
     InputError
         If the file is not a valid card. The message lists all problems and their locations.
     """
-    card_size_max_bytes = 1 << 26  # A card has about 10 kB. A larger file is not a card.
+    card_size_max_bytes = 1 << 26  # A card has about 10 kB. A file above this limit is not a card.
     text = read_text(path, "card", card_size_max_bytes)
     try:
         document = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_unique)

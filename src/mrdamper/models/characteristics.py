@@ -67,7 +67,7 @@ class SteadyCycle:
 def steady_cycle(
     damper: Damper, motion: Sine, command: float, temperature: float | None = None
 ) -> SteadyCycle:
-    """Return the last of three simulated periods of a sine, which begins at rest.
+    """Simulate three periods of a sine from rest; return the last period.
 
     Command and temperature [K] are constant.
     """

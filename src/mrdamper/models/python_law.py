@@ -236,9 +236,6 @@ def turns_of(cubic: Sequence[float]) -> list[float]:
     return sorted(theta for theta in roots if 0.0 < theta < 1.0)
 
 
-# ------------------------------------------------------------------------------------------- loading
-
-
 def law_from_python(law: PythonLaw) -> HysteresisLaw:
     """Return a user-defined law as a ``HysteresisLaw``.
 

@@ -241,7 +241,7 @@ FACTORS: Mapping[str, type[TemperatureFactor]] = MappingProxyType(
 def factor_parameter_names(kind: str, names: Iterable[str]) -> tuple[str, ...]:
     """Return the parameter names of a kind of temperature factor.
 
-    The degree of a polynomial is the number of ``names`` such as ``t1``.
+    The degree of a polynomial is the number of ``names`` such as ``t1`` and ``t2``.
     """
     if kind not in FACTORS:
         raise unknown_name(f"there is no temperature factor of kind {kind!r}", kind, FACTORS)

@@ -81,7 +81,9 @@ class Study:
 def fit_viscosity(
     temperature_K: FloatArray, viscosity_Pa_s: FloatArray, *, place: str = "viscosity table"
 ) -> Study:
-    """Fit viscosity functions: Arrhenius, Reynolds and, for six temperatures, VFT.
+    """Fit the functions of Arrhenius, Reynolds, and Vogel, Fulcher and Tammann (VFT).
+
+    VFT needs at least six temperatures.
 
     Parameters
     ----------

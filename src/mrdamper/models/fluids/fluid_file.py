@@ -58,7 +58,7 @@ class PropertiesTable:
 
 @dataclass(frozen=True, kw_only=True)
 class FluidTables:
-    """The file of a fluid."""
+    """All tables and keys of a fluid file."""
 
     schema_version: Literal[1] = SCHEMA_VERSION
     name: str
