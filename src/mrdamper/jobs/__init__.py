@@ -1,1 +1,1 @@
-"""The jobs of the program. Each job is one module that converts inputs and options to a result."""
+"""Jobs: the tasks of the program, such as ``fit`` and ``heat``, one module each."""

@@ -1,4 +1,7 @@
-"""Write the channel map that describes how files were read, as TOML that users can correct and archive."""
+"""Write channel maps: TOML files that assign columns of a file to quantities.
+
+A written channel map records how files were read. The user can correct and archive the channel map.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ _KEYS = {"current": "current_A", "voltage": "voltage_V", "temperature": "tempera
 
 @dataclass(frozen=True, slots=True)
 class WrittenMap:
-    """A channel map that describes how files were read, so that they are read in the same way again."""
+    """Channel map that records how files were read."""
 
     document: Mapping[str, Any]
     comments: tuple[str, ...]  # differences between the files, which the map cannot express
@@ -57,7 +60,7 @@ def write_map(files: ReadFiles) -> WrittenMap:
 
 
 def _common_tables(files: ReadFiles, comments: list[str]) -> dict[str, dict[str, Any]]:
-    """Return the tables that are equal for all files; append a comment for each table that differs."""
+    """Return map tables that are equal in all files; write other tables to comments."""
     shared: dict[str, dict[str, Any]] = {}
     for name, of in _TABLES.items():
         found = {path.name: of(file.chosen) for path, file in files.files}
@@ -84,13 +87,12 @@ _TABLES: Mapping[str, Callable[[ChannelMap], dict[str, Any]]] = {
 
 
 def _file_constants(path: Path, file: RigFile) -> list[Inference]:
-    """Return constant channel values of a file, taken from the file name, a channel map or answers."""
     given = [Inference(path.name, role, value, "map") for role, value in file.chosen.constant.items()]
     return [*file.inferred, *given]
 
 
 def _entry(file: RigFile, role: str) -> tuple[tuple[str, Any], ...] | None:
-    """Return the table of one channel (role) in the map of one file; None if the file has no such channel."""
+    """Return the TOML table of a quantity (role); None if the file lacks the quantity."""
     column = next((each for each in file.columns if each.role == role), None)
     if column is None or column.source == ONE_FOR_EACH:
         return None
@@ -101,7 +103,7 @@ def _entry(file: RigFile, role: str) -> tuple[tuple[str, Any], ...] | None:
 
 
 def _constants(inferred: Sequence[Inference], comments: list[str]) -> dict[str, float]:
-    """Return the constant values that are equal for all runs. If values differ, append a comment per run."""
+    """Return constants that are equal in all runs; write other constants to comments."""
     constant: dict[str, float] = {}
     for role, key in _KEYS.items():
         found = [each for each in inferred if each.role == role]
@@ -123,12 +125,12 @@ def _rate(read: Sequence[RigFile]) -> float | None:
 
 
 def channels_toml(document: Mapping[str, Any], comments: Sequence[str] = ()) -> str:
-    """Return a channel map as TOML text. Reading the text gives the same map.
+    """Return a channel map as TOML text.
 
     Raises
     ------
     InputError
-        If the object is not a channel map.
+        If ``document`` is not a valid channel map.
     """
     ChannelMap.from_dict(document, "channel map")
     title = ["channel map, written by mrdamper", *(" ".join(line.split()) for line in comments)]

@@ -1,7 +1,8 @@
 """The job ``check``: find faults in runs before a fit, and report how their files were interpreted.
 
-Unreadable files are part of the report. Runs are diagnosed one by one (``data.diagnosis``) and in comparison
-with one another. Nothing is repaired, and nothing is fitted unless a joint test is requested.
+Unreadable files are part of the report. Each run is diagnosed (``data.diagnosis``). Then the runs are
+compared with one another. No run is changed. With the option ``deep``, one model is fitted to all runs to
+find runs that deviate from the others.
 """
 
 from __future__ import annotations
@@ -92,11 +93,11 @@ class CheckResult(JobResult):
     runs: tuple[CheckedRun, ...]
     unreadable: tuple[UnreadableFile, ...]
     channel_map: WrittenMap
-    groups: tuple[Finding, ...] = ()  # findings about several runs, or the reason for a missing joint test
+    groups: tuple[Finding, ...] = ()  # findings about several runs, or why one fit of all runs failed
 
     @property
     def questions(self) -> tuple[Question, ...]:
-        """Return the open questions about the files. A question about several files is returned only once."""
+        """Return questions that the user must answer before files can be read."""
         asked = [question for file in self.unreadable for question in file.questions]
         return tuple({(each.role, each.topic, each.text): each for each in reversed(asked)}.values())[::-1]
 
@@ -142,9 +143,10 @@ def check(files: ReadFiles, options: CheckOptions = _USUAL, *, on_progress: Prog
 
 
 def campaign_findings(runs: Sequence[Recording], held_out: Sequence[Recording] = ()) -> list[Finding]:
-    """Compare runs with each other and with their names; return findings, also about mixed-up dampers.
+    """Compare runs with each other, and with the values in their names.
 
-    Invalid recordings are ignored, for example if time does not increase.
+    Findings are, for example, runs of another damper and wrong currents in names. Invalid recordings are
+    ignored, for example if time does not increase.
     """
     runs, held_out = accepted_runs(runs), accepted_runs(held_out)
     findings = [
@@ -161,15 +163,16 @@ def findings_of(
     *,
     free: Sequence[str] = (),
 ) -> tuple[Finding, ...]:
-    """Return findings about the runs of a fit, from single runs, from comparisons, and from the fitted model.
+    """Return all findings about the training runs and held-out runs of a fit.
 
-    The fit does not use held-out runs. Therefore findings about a held-out run mention no effect on the fit.
+    Sources are each run, the comparison of runs, and deviations of training runs from the fitted damper. The
+    fit does not use held-out runs. Therefore findings about a held-out run mention no effect on the fit.
 
     Parameters
     ----------
     damper : damper fitted to the training runs
-    reading : findings from reading the files
-    free : names of the fitted parameters of the damper that are not at a bound
+    reading : findings that were made while the files were read; they are included in the result
+    free : names of the fitted parameters that are not at a bound
     """
     names = {run.name for run in held_out}
     runs = (*training, *held_out)
@@ -181,7 +184,7 @@ def findings_of(
 
 
 def _finding_if_held_out(finding: Finding) -> Finding:
-    """Return the finding with an effect on the held-out error instead of an effect on the fit."""
+    """Replace the effect on the fit by the effect on the error of a held-out run."""
     return finding if finding.kind in HELD_OUT_KINDS else replace(finding, effect=HELD_OUT_EFFECT)
 
 
@@ -198,12 +201,12 @@ def _checked(run: Recording, findings: tuple[Finding, ...]) -> CheckedRun:
         stroke_mm=_span(run.displacement, 1e3),
         force_range_N=_span(run.force, 1.0),
         findings=findings,
-        samples_drawn=_interval_widths(run),
+        samples_drawn=_plot_samples(run),
     )
 
 
-def _interval_widths(run: Recording) -> FloatArray:
-    """Return equally spaced samples of a run for a plot: displacement [mm] and force [N], shape (n, 2)."""
+def _plot_samples(run: Recording) -> FloatArray:
+    """Return plotted samples: displacement [mm] and force [N], shape (n, 2)."""
     sample_count_max = 400  # max number of plotted samples of each run
     count = min(len(run.displacement), len(run.force))
     chosen = np.unique(

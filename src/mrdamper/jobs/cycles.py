@@ -21,7 +21,7 @@ _DEFAULT = CyclesOptions()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FigureSummary:
-    """Statistics of a value in all cycles. ``first`` and ``last`` are means in the first and last group."""
+    """Statistics of one quantity; ``first``: mean of the first cycles, ``last``: last."""
 
     mean: float
     min: float

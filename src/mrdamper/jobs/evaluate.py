@@ -1,10 +1,11 @@
-"""The job ``evaluate``: compute the error of a model card on runs, and 90 % intervals.
+"""The job ``evaluate``: compute the error and the uncertainty of a card on runs.
+
+The 90 % intervals of forces and coefficients are computed from posterior samples (``models.card_draws``),
+which are equally likely parameter sets. These intervals contain only the uncertainty of the parameters. The
+expected error of a measured force also contains model error and sensor noise; ``models.force_band`` computes
+this error.
 
 Modules that only a fit needs are not imported, so that the job starts fast.
-
-The intervals of forces and coefficients are computed from posterior samples (``models.card_draws``), which
-are equally likely parameter sets. They describe the uncertainty of the force due to the parameters, not the
-model error of the law and the sensor noise. The expected error of a measured force is ``models.force_band``.
 """
 
 from __future__ import annotations
@@ -42,14 +43,14 @@ _USUAL = EvaluateOptions()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceInterval:
-    """90 % intervals of the force in the plotted cycle of a run, shape (n,), and of the error of the run."""
+    """90 % intervals of the force in one plotted cycle, and of the error of the run."""
 
     name: str
     time_s: FloatArray  # time since the first plotted sample
     measured_N: FloatArray
     modelled_N: FloatArray  # force of the fitted damper
-    low_N: FloatArray  # lower end of the force interval
-    high_N: FloatArray  # upper end of the force interval
+    low_N: FloatArray  # lower bound of the force interval
+    high_N: FloatArray  # upper bound of the force interval
     rmse_N: tuple[float, float]  # 90 % interval of the RMS error over all samples after the warm-up
 
     @property
@@ -111,13 +112,13 @@ def coefficient_intervals(
 
 @dataclass(frozen=True, slots=True, repr=False)
 class EvaluateResult(JobResult):
-    """The errors of a model on runs, force intervals and notes. The object is a sequence of the errors."""
+    """Errors of a model on runs; iteration and indices return the errors in turn."""
 
     _job = "evaluate"
     law: str
     errors: tuple[RunError, ...]
     notes: tuple[str, ...]  # statements about runs that are outside the envelope of the card
-    promised: Mapping[str, Mapping[str, float | int | None]]  # errors in the card: training and held-out runs
+    promised: Mapping[str, Mapping[str, float | int | None]]  # errors of the fit, as stored in the card
     band: ForceBand | None = None  # expected error of new runs, from the card
     forces: tuple[ForceInterval, ...] = ()  # force interval of every run; empty without posterior samples
     coefficients: tuple[CoefficientInterval, ...] = ()
@@ -144,7 +145,7 @@ def evaluate(
     Parameters
     ----------
     card : model card, damper or fit
-    preparation : preparation of the runs instead of the preparation in the card
+    preparation : filter and resampling of the runs; None: the preparation that is stored in the card
 
     Raises
     ------

@@ -54,8 +54,9 @@ def export(
 
     Parameters
     ----------
-    damper : geometry for the thermal model and for the detection of a frozen thermometer; None: no thermal
-        model, and detection with the heat capacity of the paper's damper
+    damper : geometry of the damper, for a thermal model in the code and for the detection of a temperature
+        sensor that no longer changes. None: no thermal model; the detection uses the heat capacity of the
+        damper in the paper that the program reproduces (``mrdamper.paper``)
 
     Raises
     ------

@@ -86,14 +86,14 @@ def fit(
     *,
     on_progress: Progress = silent,
 ) -> FitResult:
-    """Fit one law to runs at all their commands and temperatures, and assess the fit.
+    """Fit one damper model to runs at all commands and temperatures; assess the fit.
 
     If the user interrupts the job, the best fit so far is returned.
 
     Parameters
     ----------
-    law : name of a law, ``file.py:Class``, or a law in Python; ``auto`` or None: the law and the terms with
-        the smallest cross-validation error
+    law : law (hysteresis model) as name, ``file.py:Class`` or Python object; ``auto`` or None: the law and
+        the optional terms with the smallest cross-validation error
     fluid : fluid with a known temperature dependence, which is assumed instead of fitted; runs that have no
         temperature channel then get a constant temperature of 20 degC
     preparation : preparation of the runs; None: chosen for each run
@@ -104,7 +104,7 @@ def fit(
     InputError
         If the runs are not sufficient for the law and the options.
     ConvergenceError
-        If no start of the search found a finite cost.
+        If no initial point of the search has a finite cost.
     """
     runs = runs.select(*options.only) if options.only else runs
     settings = settings or DEFAULT_SETTINGS
@@ -134,7 +134,7 @@ def fit(
         on_progress=on_progress,
     )
     if selection is not None:
-        notes = (*fitted.result.notes, *selection_notes, *_untracked(fitted.damper, selection))
+        notes = (*fitted.result.notes, *selection_notes, *_missing_controller_note(fitted.damper, selection))
         fitted = replace(fitted, result=replace(fitted.result, notes=notes))
     fitted, posterior = _sampled(fitted, options)
     found = FitResult(
@@ -157,21 +157,21 @@ def fit(
 
 
 def _terms(options: FitOptions) -> tuple[str, ...] | None:
-    """Return the names of the requested terms; None: the default terms, or terms of the model selection."""
+    """Return the optional terms that the user requested; None without a request."""
     return None if options.terms is None else tuple(term for term in options.terms if term != "none")
 
 
 def options_for(runs: Dataset, options: FitOptions) -> FitOptions:
-    """Return the options without ``hold_out`` patterns that match no run."""
+    """Remove patterns in ``hold_out`` that match no run; return the changed options."""
     present = [glob for glob in options.hold_out if any(fnmatchcase(name, glob) for name in runs.names)]
     return replace(options, hold_out=tuple(present))
 
 
 def _select(data: FitData, options: FitOptions, on_progress: Progress) -> tuple[Selection, tuple[str, ...]]:
-    """Select a law and its terms by cross-validation on windows of the runs; return the scores and notes.
+    """Select a law and terms by cross-validation on sections of the runs.
 
-    If the error on the windows is much smaller than the error on all runs, the model selection is repeated
-    with more windows, until the errors agree or all data are used.
+    The error of the chosen model on the sections must not be much smaller than on all runs. Otherwise, the
+    selection is repeated with more sections or all data, and a note reports the repetition.
     """
     settings, samples_max = SelectionSettings(), SelectionSettings().samples_max
     first: Selection | None = None
@@ -183,7 +183,9 @@ def _select(data: FitData, options: FitOptions, on_progress: Progress) -> tuple[
                 pool=Pool(options.jobs),
                 samples_max=samples_max,
             )
-            selection = select_model(evaluator, tuple(LAWS), has_controller=_tracked, on_progress=on_progress)
+            selection = select_model(
+                evaluator, tuple(LAWS), has_controller=_has_controller, on_progress=on_progress
+            )
         selection = replace(
             selection,
             subset_error_percent=selection.chosen.training_rms_percent,
@@ -208,18 +210,17 @@ def _repetition_note(first: Selection, last: Selection) -> str:
     )
 
 
-def _tracked(damper: Damper) -> bool:
-    """Return True if the program can make a force controller for the damper."""
+def _has_controller(damper: Damper) -> bool:
     return damper.law.name in (*TABULATED, *STEPPED)
 
 
-def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
-    """Return a note if no controller can be made from the most accurate law, otherwise an empty tuple.
+def _missing_controller_note(damper: Damper, selection: Selection) -> tuple[str, ...]:
+    """Return a note if the law with the smallest error has no force controller.
 
-    The note states the cross-validation errors of that law and of the best law for controllers.
+    The note compares this law with the best law that has a controller. Otherwise, the tuple is empty.
     """
     chosen = selection.scores[0]
-    if _tracked(damper):
+    if _has_controller(damper):
         better = [row for row in selection.scores[1:] if row.cv_mean_percent < 0.99 * chosen.cv_mean_percent]
         other = next((row for row in better if row.law not in (*TABULATED, *STEPPED)), None)
         return () if other is None else (

@@ -59,7 +59,7 @@ def fluid(tables: Sequence[RheometerTable], like: Fluid) -> FluidResult:
             viscosity_Pa_s=best.at_reference,
             viscosity_factor=best.factor,
             viscosity_fitted_K=(float(kelvin[0]), float(kelvin[-1])),
-            collapse=None,  # The thermal collapse of ``like`` was measured with a different viscosity.
+            collapse=None,  # ``like.collapse`` is relative to the viscosity of ``like``.
             valid_K=_valid_range(fitted.valid_K, best.factor, kelvin),
         )
         notes += viscosity.notes
@@ -130,7 +130,7 @@ def _field_strength(flux_density_T: FloatArray, particle_fraction: float, place:
 def _valid_range(
     valid_K: tuple[float, float], factor: TemperatureFactor, kelvin: FloatArray
 ) -> tuple[float, float]:
-    """Return ``valid_K`` if the fitted law is positive there, otherwise the range of the points [K]."""
+    """Return ``valid_K`` if the fit is positive there, else the measured range [K]."""
     with np.errstate(all="ignore"):
         values = factor.value(np.linspace(*valid_K, 101))
     is_positive = bool((np.isfinite(values) & (values > 0.0)).all())

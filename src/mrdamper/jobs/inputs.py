@@ -1,4 +1,4 @@
-"""Read the inputs of jobs: runs in files, folders and frames, and cards with user-defined laws."""
+"""Read runs from files, folders and data frames, and cards with user-defined laws."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def read_dataset(
     answer: Sequence[str] | None = None,
     flip_force: bool = False,
 ) -> Dataset:
-    """Return a data set with all runs in files, folders and frames; run objects are used unchanged.
+    """Return a data set with the runs in files, folders and data frames.
 
     Parameters
     ----------
@@ -64,14 +64,14 @@ def read(
     answer: Sequence[str] = (),
     flip_force: bool = False,
 ) -> Dataset:
-    """Return the runs in files, folders, frames and arrays.
+    """Return the runs in files, folders, data frames and arrays.
 
     Parameters
     ----------
-    runs : path, frame or run, or several of these; a mapping of names to frames; None: ``columns`` has the
-        data of one run
-    columns : the key is a quantity with its unit (``force_kN``), the value is the name of a column, the
-        column itself, or one number for the whole run; ``rate_Hz`` is required if there is no time
+    runs : path, data frame, run, or a list of such objects; or a dictionary with a data frame for each name
+        of a run; None: ``columns`` contains the data of one run
+    columns : the key is a quantity with its unit (``force_kN``). The value is the name of a column, an array,
+        or one number for the whole run. ``rate_Hz`` is required if no column is the time
     channels : channel map (TOML) for files; None: the map next to each file of measurements
     answer : answers to questions about files, such as ``force.unit=kN``
     flip_force : True: reverse the sign of the force, for load cells with positive compression

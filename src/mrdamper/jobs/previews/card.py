@@ -1,6 +1,7 @@
-"""Summary of a card for one line of a list. The JSON of the card is not validated.
+"""Summarise a model card for a list, and check a card before a job starts.
 
-Only modules that load fast are imported. ``require_card`` is the exception, because it validates the card.
+The summary loads quickly because the JSON of the card is not validated. Only ``require_card`` validates a
+card. Therefore only ``require_card`` imports the slow modules.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ def card_line(path: Path) -> dict[str, object]:
 
 
 def _missing(law: str, *, has_lag: bool) -> str:
-    """Return a sentence with the controllers that a card does not support, and the reasons."""
+    """Return a sentence that lists controllers unavailable for a card, with reasons."""
     known = names_for(law)
     banks = ", ".join(name for name in NAMES if name not in known)
     others = ", ".join(name for name in known if name not in names_for(law, has_lag=has_lag))

@@ -1,8 +1,8 @@
-"""Names and input files that web forms offer: names that options accept, and the kind of each input file.
+"""Choices in web forms: names that options accept, and kinds of input files.
 
-Jobs interpret the names. Only modules that load fast are imported (no SciPy, no table reader), because a
-server needs the names when it starts. The kind of a file is a guess from its first lines. The job that reads
-the file reports what is wrong with it.
+Only modules that load fast are imported (no SciPy, no table reader), because a server needs the names when
+the server starts. The kind of a file (fluid, geometry, ...) is guessed from the first lines of the file. The
+job that reads the file checks the content.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from mrdamper.virtual_rig.damper import PRESETS as DAMPERS
 __all__ = ["WRITTEN", "HeatSink", "choices", "kind_of_input", "run_formats"]
 
 _HEAD_SIZE_BYTES = 1 << 14
-# Patterns of the beginning of a line; the first matching pattern decides the kind of the file.
+# (kind of file, regular expression): a file has the first kind whose expression matches the begin of a line.
 _TOML: tuple[tuple[str, str], ...] = (
     ("channels", r"\[(channel(\.\w+)?|constant|segments)\]"),
     ("geometry", r"\[body\]"),

@@ -1,7 +1,7 @@
-"""Comparison of runs by their main values: copies, and runs that probably belong to another damper.
+"""Find copied runs and runs of another damper without reading the samples.
 
-Only the main values are compared, so that a server answers without reading files. The job ``check`` compares
-the samples.
+Only the values in the table of runs (stroke, force range, ...) are compared, because a server must answer
+fast. The job ``check`` compares the samples.
 """
 
 from __future__ import annotations
@@ -45,7 +45,11 @@ class _Row:
 
 
 def compare_rows(rows: Sequence[Json]) -> list[Json]:
-    """Return the rows of runs with ``copy_of`` (the name of another run) and ``foreign`` (the reason)."""
+    """Add two fields to the row of each run; return the new rows.
+
+    ``copy_of`` is the name of an equal run. ``foreign`` is the reason why the run probably belongs to another
+    damper. None: there is no such run or reason.
+    """
     values = [_Row(**{each.name: row[each.name] for each in fields(_Row)}) for row in rows]
     first: dict[str, str] = {}
     foreign = dict(_foreign(values))

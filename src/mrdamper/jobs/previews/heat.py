@@ -1,7 +1,8 @@
-"""Compute heating curves fast enough for each entry of a web form, and edit geometry files for web forms.
+"""Quick heating curves and edited geometry files for web forms.
 
-The quick curve has the same card, geometry, load cycle and thermal model as ``mrdamper heat``. Card, geometry
-and intermediate results are cached between curves. The temperature field and the report are omitted.
+The thermal model is the model of ``mrdamper heat``. Card, geometry and intermediate results are cached for
+the next curve. Temperature field and report are omitted. Therefore a form can request a curve after each
+change.
 """
 
 from __future__ import annotations
@@ -55,7 +56,8 @@ class QuickHeat:
 
         Parameters
         ----------
-        card, damper : file of the card; geometry file, or ``paper``
+        card : file of the model card
+        damper : geometry file, or ``paper`` for the preset with this name
         duty_share : fraction of the time in operation; dissipated power and coil heat are averaged over
             operation and rest
         options : options of the job by the field names of ``HeatOptions``; None: the default options
@@ -69,7 +71,7 @@ class QuickHeat:
         duty = _duty(amplitude_mm, frequency_Hz, command, duration_s, unit)
         key = ("work", *_version(card), amplitude_mm, frequency_Hz, command)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", EnvelopeWarning)  # notes_of reports the same warnings.
+            warnings.simplefilter("ignore", EnvelopeWarning)  # ``notes`` contains the text of these warnings.
             works = self._keep(key, lambda: works_of(model.damper, duty))
             notes, beyond = notes_of(model, duty), card_range_notes(model, duty)
             works = [replace(w, power=duty_share * w.power) for w in works]
@@ -135,7 +137,7 @@ def _tiles(rise: Rise, outside: str, assumed: str, *, tempered: bool) -> list[Js
 
 
 def damper_facts(damper: str, shown: str) -> Json:
-    """Return the main values of a geometry file for a web form and a section drawing, and its TOML tables."""
+    """Return the dimensions and the TOML tables of a geometry file."""
     return {**_facts(read_drawing(damper), shown), "tables": parse_toml(text_of(damper))}
 
 
@@ -211,10 +213,7 @@ def _calibration(drawing: DamperDrawing, shown: str) -> str:
 
 
 def _finned(drawing: DamperDrawing, fins: Mapping[str, float | str]) -> HeatSink:
-    """Return a heat sink with the given fins and the convection factor and contact of the original heat sink.
-
-    The search for heat sinks uses the same factor and contact.
-    """
+    """Return a heat sink with new fins and the original convection factor and contact."""
     own = HeatedDamper(drawing, ()).pattern
     sink = read_record(HeatSink, fins, "fins")
     return replace(sink, film_multiplier=own.film_multiplier, contact=own.contact)

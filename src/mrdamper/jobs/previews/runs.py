@@ -31,11 +31,11 @@ from mrdamper.jobs.public_data import MAPS
 from mrdamper.quantities import ZERO_CELSIUS_K, to_si
 from mrdamper.schema import Json, finite_or_none
 
-if TYPE_CHECKING:  # This module is slow to load, and ``glance`` does not need it.
+if TYPE_CHECKING:  # ``data.prepare`` loads slowly, and ``glance`` does not need ``data.prepare``.
     from mrdamper.data.prepare import PreparedRun
 
-# Max number of points in the preview of a loop, and number of samples in the middle of a column from which
-# these points are chosen.
+# A preview plots at most the first number of points. They are chosen from the second number of samples, in
+# the middle of a column.
 _LOOP_POINT_COUNT, _LOOP_SAMPLES_MAX = 800, 4000
 _TEXTS = (".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm")
 
@@ -68,12 +68,12 @@ def look(path: Path, given: Mapping[str, Any] | None = None) -> Json:
 
 
 def glance(path: Path, given: Mapping[str, Any] | None = None) -> Json | None:
-    """Return a preview of the beginning of a large text file, in the format of ``look``.
+    """Return a preview of the first lines of a large file, in the format of ``look``.
 
-    Return None if the file is small or not a text, so that the whole file has to be read. ``head_share`` is
-    the fraction of the file that was read. ``rows`` is null because the number of rows is unknown. The
-    preview contains no runs because a test may continue after the part that was read. For the same reason,
-    errors of a channel map that splits the file into tests are not reported.
+    Return None if the file is small or not a text. Then use ``look``. ``head_share`` is the fraction of the
+    file that was read. ``rows`` is None because the number of rows is unknown. The preview contains no runs,
+    because a test can continue after the first lines. Therefore a channel map that splits the file into tests
+    can fail on the first lines, and its errors are not reported.
     """
     glance_bytes = 1 << 18  # bytes that ``glance`` reads from the beginning of a file
     glance_file_min_bytes = 1 << 21  # ``glance`` applies only to files of this size [bytes] and larger ones.
@@ -150,7 +150,7 @@ def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[FileV
 
 
 def _offers(tables: Sequence[Table], path: Path) -> list[Json]:
-    """Return the channel maps that can read a file: maps of the package and of files in the same folder."""
+    """Return channel maps (of the package or the same folder) that can read a file."""
     most_offers = 20  # max number of channel maps of other files that are tried
     known = (*sorted(MAPS.glob("*.toml")), *sorted(path.parent.glob(f"*{MAP_SUFFIX}"))[:most_offers])
     offers: list[Json] = []
@@ -286,7 +286,7 @@ def _unit(said: tuple[str, str], table: Table, name: str) -> str:
 
 
 def _sample(values: FloatArray) -> list[float | None]:
-    """Return evenly spaced samples from the middle of a column. All columns have the same indices."""
+    """Return samples from the middle of a column, with equal indices for all columns."""
     begin = max(0, (len(values) - _LOOP_SAMPLES_MAX) // 2)
     part = values[begin : begin + _LOOP_SAMPLES_MAX]
     return [finite_or_none(float(value)) for value in part[:: max(1, len(part) // _LOOP_POINT_COUNT)]]

@@ -75,8 +75,9 @@ def keep_window(
     Parameters
     ----------
     most : maximum number of samples, at least 64; None: all samples
-    from_s, to_s : start and end of the part, as time since the first sample of the run
-    samples_of : series file whose extremes of force and displacement are kept; None: ``series`` itself
+    from_s, to_s : time range [s], counted from the first sample of the run; None: no limit
+    samples_of : series file that decides which sample indices are kept, such as the measured run of a
+        simulated series; None: ``series``
     """
     header, columns = read_series(series)
     deciding = columns if samples_of is None else read_series(samples_of)[1]
@@ -92,7 +93,7 @@ def keep_window(
     kept = np.arange(low, high)
     if most is not None and len(kept) > most:
         chosen = [deciding[name][low:high] for name in ("force_N", "displacement_mm")]
-        kept = low + _telling(chosen, max(most, 64))  # A part has at least 64 samples.
+        kept = low + _extreme_indices(chosen, max(most, 64))
     units = _units(header)
     _write(place, header, {name: (units[name], values[kept]) for name, values in columns.items()})
 
@@ -181,7 +182,7 @@ def _columns(recording: Recording, prepared: PreparedRun | None) -> Columns:
 
 
 def _on_samples(recording: Recording, prepared: PreparedRun, values: FloatArray) -> FloatArray:
-    """Interpolate values on the uniform grid of a prepared run; return values at the times in the file."""
+    """Interpolate values from the uniform time grid to the times of the recording."""
     time = recording.time - recording.time[0]
     step = prepared.trajectory.step
     if len(values) == len(time) and abs(float(time[-1]) - step * (len(time) - 1)) < 0.5 * step:
@@ -223,7 +224,7 @@ def _write(path: Path, header: Mapping[str, Any], columns: Columns) -> None:
     beside.replace(path)
 
 
-def _telling(columns: list[NDArray[np.float32]], most: int) -> NDArray[np.int64]:
+def _extreme_indices(columns: list[NDArray[np.float32]], most: int) -> NDArray[np.int64]:
     """Return at most ``most`` sample indices: the extremes of each column in equal intervals.
 
     The first and the last sample are always included.

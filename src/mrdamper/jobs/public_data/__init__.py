@@ -1,4 +1,4 @@
-"""Public data sets: published measurements of real dampers. The jobs ``data list`` and ``data fetch``.
+"""The jobs ``data list`` and ``data fetch``: published measurements of dampers.
 
 ``fetch`` downloads a data set into a cache and checks the SHA-256 of each file. If the environment variable
 ``MRDAMPER_DATA`` is set, ``fetch`` copies the files from that folder and downloads nothing. The catalogue
