@@ -1,4 +1,6 @@
-"""The job ``rig``: run a campaign on the virtual rig; return sensor signals and reference values of each run.
+"""The job ``rig``: simulate a test campaign on a rig with a virtual damper.
+
+The result has sensor signals and reference values of each run.
 
 The reference values (noise-free force, true temperature, coil current, parameters of the damper) are used
 only for validation. Identification never reads the reference values.
@@ -43,7 +45,7 @@ class RigResult(JobResult):
 
     @property
     def dataset(self) -> Dataset:
-        """Return the sensor signals of all runs without reference values, like runs of a real rig."""
+        """Return the sensor signals of all runs, without the reference values."""
         return Dataset(tuple(each.run for each in self.runs))
 
 

@@ -38,10 +38,10 @@ class SimulateResult(JobResult):
     motion: str
     command_unit: str
     trajectory: Trajectory
-    force: FloatArray  # [N], shape (n,)
+    force: FloatArray  # force of the card [N], shape (n,)
     measured: FloatArray | None = None  # measured force [N], shape (n,); None if the motion has no force
     scored_from: int = 0  # index of the first sample that is included in the error
-    # Lower and upper end of the 90 % interval of the force [N]; None if there are no posterior samples.
+    # Lower and upper bound of the 90 % interval of the force [N]; None if there are no posterior samples.
     interval: tuple[FloatArray, FloatArray] | None = None
 
 
@@ -52,9 +52,9 @@ def simulate(
 
     Parameters
     ----------
-    motion : text MOTION:COMMAND:DURATION, such as ``sine:10mm:1Hz:1A:2s``; or a run as file, frame or
-        ``RigRun``, which is prepared like the runs of the card (a frame needs no force column); or a
-        ``Trajectory``
+    motion : text MOTION:COMMAND:DURATION, such as ``sine:10mm:1Hz:1A:2s``; or ``Trajectory``; or measured
+        run (file, data frame or ``RigRun``). The run is filtered and resampled like the runs of the card. A
+        data frame needs no force column.
 
     Raises
     ------
@@ -96,18 +96,17 @@ def _run_of(motion: str | Path | RigRun | FrameLike) -> tuple[RigRun, bool]:
     if isinstance(part, RigRun):
         return part, True
     if not isinstance(part, Frame):
-        return _only(read_file(Path(part))).checked(), True
+        return _single_recording(read_file(Path(part))).checked(), True
     roles = {role for name in part.columns for role in roles_of_unit(word_and_unit(name)[1])}
     if "force" in roles:
-        return _only(part.read(ChannelMap())).checked(), True
-    recording = _only(replace(part, columns={**part.columns, "force_N": 0.0}).read(ChannelMap()))
-    # A valid run needs a force that resists the motion. This substitute is not used for the simulation.
+        return _single_recording(part.read(ChannelMap())).checked(), True
+    recording = _single_recording(replace(part, columns={**part.columns, "force_N": 0.0}).read(ChannelMap()))
+    # A valid run needs a force that resists the motion. The simulation does not use the substitute force.
     stand_in = np.gradient(recording.displacement, recording.time)
     return replace(recording, force=stand_in).checked(), False
 
 
-def _only(file: RigFile) -> Recording:
-    """Return the single recording of a file or frame."""
+def _single_recording(file: RigFile) -> Recording:
     names = [each.name for each in file.recordings]
     if len(names) != 1:
         raise InputError(place="motion", found=f"{len(names)} runs ({', '.join(names[:6])})", expected="one")

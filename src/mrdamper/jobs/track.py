@@ -1,9 +1,9 @@
 """The job ``track``: test controllers made from a card on a damper that differs from the card.
 
-Every controller tracks every target force at every temperature, with two seeds of sensor noise. A row of the
-result has the larger of the two errors. The damper is a preset of the virtual rig, a damper in a TOML file,
-or the damper of another card. Controllers that ignore temperature (*unaware*) are made from a card that was
-identified at one temperature.
+Every controller tracks every target force at every temperature, twice with different sensor noise. A row of
+the result has the larger of the two errors. The damper is a virtual damper (preset or TOML file), or the
+damper of another card. Controllers whose name ends in *unaware* ignore temperature. They are made from a card
+that was identified at one temperature.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from mrdamper.virtual_rig.plant import Plant as RigPlant
 TEMPERATURES_DEGC = (20.0, 60.0, 100.0, 123.0)
 
 _USUAL = TrackOptions()
-_REACHED_FRACTION_MIN = 0.5  # min fraction of the time with attainable target force
+_REACHED_FRACTION_MIN = 0.5  # min fraction of the time in which the damper can produce the target force
 _DRAWN = ("recommended", "paper", "recommended-unaware", "paper-unaware")
 
 
@@ -101,19 +101,19 @@ class _Damper:
     highest_A: float
     stroke: tuple[float, float] | None  # range of displacement [m]; None if unknown
     resistance_per_K: float = COPPER_PER_K
-    motions: tuple[str, ...] = ()  # motions that fit the stroke and speed of the damper
-    # True if targets are always scaled to the damper, even if the damper can follow the default targets.
+    motions: tuple[str, ...] = ()  # motions within the stroke and speed of the damper
+    # True: target forces are scaled to the damper, even if the damper can produce the default forces.
     sized: bool = False
 
     def targets(self) -> tuple[Sequence[Scenario], bool]:
-        """Return the default targets, and True if these targets are scaled to the damper."""
+        """Return the default target forces, and True if they were scaled to the damper."""
         usual = tuple(SCENARIOS.values())
         if self.motions and (self.sized or not all(map(self._follows, usual))):
             return size_targets(self.plant, self.highest_A, self.motions), True
         return usual, False
 
     def _follows(self, target: Scenario) -> bool:
-        """Return True if the motion is within the stroke and the target force is mostly attainable."""
+        """Return True if the damper has the stroke and can mostly produce the force."""
         course = reference_trajectory(target, self.plant.step_s)
         if self.stroke is not None and not _is_within(course.displacement, self.stroke):
             return False
@@ -127,7 +127,7 @@ class _Damper:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Largest errors of one controller on one target at one temperature, with two seeds of sensor noise."""
+    """Errors of a controller for one target at one temperature (worse of two runs)."""
 
     controller: str
     target: str
@@ -137,31 +137,31 @@ class Row:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosteriorError:
-    """90 % intervals of force and error when all posterior samples get the currents of one controller."""
+    """90 % intervals of force and tracking error due to uncertain parameters."""
 
     controller: str
-    low_N: FloatArray  # lower end of the force interval at each time step, shape (n,)
-    high_N: FloatArray  # upper end of the force interval, shape (n,)
+    low_N: FloatArray  # lower bound of the force interval at each time step, shape (n,)
+    high_N: FloatArray  # upper bound of the force interval, shape (n,)
     rmse_N: tuple[float, float]  # interval of the RMS error of the scored samples
     max_N: tuple[float, float]  # interval of the maximum error of the scored samples
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Traced:
-    """Force and current of all controllers versus time, for one target at its highest temperature."""
+    """Plotted force and current versus time for one target at the highest temperature."""
 
     target: str
     temperature_degC: float
     course: ReferenceTrajectory
     reach: AttainableRange
     runs: tuple[LoopRun, ...]
-    # Intervals of the controllers that use no force sensor, if posterior samples are requested.
+    # One item for each controller without force sensor; empty if no posterior samples are requested.
     posterior: tuple[PosteriorError, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class TrackResult(JobResult):
-    """Errors of every controller for every target at every temperature, and some of the time curves."""
+    """Tracking errors (``rows``) and plotted time series (``traced``) of controllers."""
 
     _job = "track"
     card: ModelCard
@@ -201,14 +201,15 @@ def track(
     unaware: ModelCard | None = None,
     on_progress: Progress = silent,
 ) -> TrackResult:
-    """Test every controller with every target at every temperature.
+    """Test every controller with every target force at every temperature.
 
     Parameters
     ----------
     plant : damper on which the controllers are tested
-    targets : target forces with their motions; None: the default targets, which are scaled to the damper if
-        the damper cannot follow them
-    unaware : card identified at one temperature; adds the controllers recommended-unaware and paper-unaware
+    targets : target forces with their motions; None: default targets, whose forces are adapted to
+        the damper if necessary
+    unaware : second card, identified at one temperature. If given, controllers made from ``unaware`` are also
+        tested, with the names recommended-unaware and paper-unaware
 
     Raises
     ------
@@ -230,7 +231,7 @@ def track(
     controllers = _controllers(card, unaware, options, damper.highest_A)
     seeds = (options.seed, options.seed + 1)
     tests = _Tests(damper, seeds)
-    scenarios, beyond = tests.followed(scenarios) if sized else (scenarios, [])
+    scenarios, beyond = tests.possible_scenarios(scenarios) if sized else (scenarios, [])
     rows, traced = _run_all(tests, scenarios, controllers, posterior, Pool(options.jobs), on_progress)
     return TrackResult(
         card=card,
@@ -256,7 +257,7 @@ def _run_all(
     pool: Pool,
     on_progress: Progress,
 ) -> tuple[list[Row], list[Traced]]:
-    """Return all rows sorted by target, and for each target the time curves at its highest temperature."""
+    """Simulate all scenarios; return all errors, and the time series that are plotted."""
     reaches = {(each.name, each.temperature_degC): tests.reach(each) for each in scenarios}
     rows: list[Row] = []
     traced: list[Traced] = []
@@ -287,10 +288,10 @@ def _run_all(
 
 
 def _posterior_error(run: LoopRun, dampers: Sequence[Damper]) -> PosteriorError:
-    """Return the intervals of force and error when all posterior samples get the currents of a run.
+    """Simulate a run with each posterior sample in ``dampers``; return 90 % intervals.
 
-    The currents of a controller that uses no force sensor do not depend on the damper. Therefore all
-    posterior samples get the same currents.
+    The controller must use no force sensor. Its currents then do not depend on the damper and are not
+    computed again.
     """
     course, scenario = run.course, run.scenario
     drive = open_drive(_path(course, np.clip(run.current, 0.0, scenario.highest_A), scenario))
@@ -304,7 +305,7 @@ def _posterior_error(run: LoopRun, dampers: Sequence[Damper]) -> PosteriorError:
 
 
 def _path(course: ReferenceTrajectory, current: FloatArray, scenario: Scenario) -> Trajectory:
-    """Return a trajectory with the motion and the temperature of a scenario and the given current [A]."""
+    """Return a trajectory with ``current`` [A] and the motion of a scenario."""
     return Trajectory(
         course.step_s,
         course.displacement,
@@ -324,7 +325,7 @@ class _Tests:
         self._reaches: dict[Scenario, AttainableRange] = {}
 
     def reach(self, scenario: Scenario) -> tuple[ReferenceTrajectory, AttainableRange]:
-        """Return the reference trajectory and the attainable force range of a scenario.
+        """Return the reference trajectory and the range of forces of the damper.
 
         Raise InputError if the target force is outside this range most of the time.
         """
@@ -350,15 +351,15 @@ class _Tests:
             )
         return course, reach
 
-    def followed(self, scenarios: Sequence[Scenario]) -> tuple[list[Scenario], list[str]]:
-        """Return the targets that the damper can follow, and a note for each other target.
+    def possible_scenarios(self, scenarios: Sequence[Scenario]) -> tuple[list[Scenario], list[str]]:
+        """Return scenarios with a possible target force, and notes about other targets.
 
-        Raise InputError if the damper can follow no target. The function is used only for default targets. A
-        target that the user has requested by name must be attainable.
+        Raise InputError if there is no such scenario. The function is used only for default targets. A target
+        that the user requested is never omitted.
         """
         kept: list[Scenario] = []
-        refused: dict[str, InputError] = {}  # error at the first infeasible temperature, by target
-        also: dict[str, list[str]] = {}  # other infeasible temperatures, by target
+        refused: dict[str, InputError] = {}  # error at the first temperature with insufficient force
+        also: dict[str, list[str]] = {}  # further temperatures with insufficient force
         for each in scenarios:
             try:
                 self.reach(each)
@@ -452,8 +453,8 @@ def _scenarios(
 ) -> list[Scenario]:
     """Return one scenario for every target and temperature.
 
-    ``usual`` is True for default targets, which have default temperatures. ``sized`` is True if the targets
-    are scaled to the damper. Their force is then adapted to each temperature.
+    ``usual`` is True for default targets, which are tested at default temperatures. ``sized`` is True if the
+    target forces were scaled to the damper. The forces are then also adapted to each temperature.
     """
     found: list[Scenario] = []
     for base in targets:
@@ -496,7 +497,7 @@ def _check_stroke(scenario: Scenario, place: str, stroke: tuple[float, float]) -
 
 
 def _check_current(place: str, card: ModelCard) -> None:
-    """Raise InputError if the force of a card is the same at every current."""
+    """Raise InputError if the force of a card does not depend on the current."""
     low, high = card.envelope.command
     rows = card.damper.coefficients_at(np.array([low, high]))
     if not (np.ptp(rows, axis=1) > 0.0).any():
@@ -511,7 +512,7 @@ def _check_current(place: str, card: ModelCard) -> None:
 def _controllers(
     card: ModelCard, unaware: ModelCard | None, options: TrackOptions, largest: float
 ) -> dict[str, Controller]:
-    """Return the requested controllers by name; controllers that ignore temperature are last."""
+    """Return the requested controllers by name; controllers named *unaware* are last."""
     every: dict[str, Controller] = dict(_build("card", card, options, largest))
     cards = dict.fromkeys(every, ("card", card))
     if unaware is not None:
@@ -533,7 +534,7 @@ def _controllers(
 
 
 def _no_controller(name: str, card: ModelCard, every: Mapping[str, Controller]) -> InputError:
-    """Return the InputError for a controller that does not exist or does not support the law of the card."""
+    """Return the error for a controller that is unknown or unavailable for the card."""
     try:
         check_name(name, card.damper.law.name)
     except InputError as error:
@@ -542,7 +543,7 @@ def _no_controller(name: str, card: ModelCard, every: Mapping[str, Controller]) 
 
 
 def _check_lag(cards: Mapping[str, tuple[str, ModelCard]]) -> None:
-    """Raise InputError if a controller needs a lag between current and force but the card has none."""
+    """Raise InputError if a controller needs an actuation lag that its card lacks."""
     late: dict[str, list[str]] = {}
     for name, (place, card) in cards.items():
         no_actuator_lag = card.damper.actuation is None and card.damper.command_lag_s == 0.0
@@ -584,7 +585,7 @@ def _another_damper(card: ModelCard, damper: _Damper, scenario: Scenario) -> lis
 
 
 def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> tuple[str, ...]:
-    """Return notes about temperatures, speeds and effects for which the results are not reliable."""
+    """Return notes about extrapolated temperatures and speeds and ignored effects."""
     notes = []
     beyond = card.envelope.temperature
     if not card.damper.temperature_dependent:

@@ -1,4 +1,4 @@
-"""Call the job functions for the server: convert names in the work folder to paths.
+"""Call the job functions for the server with paths instead of file names.
 
 The command line calls the same job functions. This module computes nothing.
 """
@@ -25,10 +25,10 @@ from mrdamper.web.workspace import NotThereError, WorkFolder
 def do(
     kind: str, options: Json, folder: WorkFolder, out: Path, progress: Progress, *, resume: bool = False
 ) -> Json:
-    """Run a job, write its files, and return its answer.
+    """Run a job, write its files, and return the values that the page displays.
 
-    The files are written to the folder ``out``, except cards and simulated runs, which belong to ``cards/``
-    and ``runs/``. If ``resume`` is True, a sweep continues after its finished tasks.
+    The files are written to the folder ``out``. Cards are written to ``cards/`` and simulated runs to
+    ``runs/`` of the work folder. If ``resume`` is True, a sweep continues after its finished tasks.
     """
     job = ORDER_JOBS[kind]
     inputs = [each for each in (*job.inputs, *job.reading) if each.key in options]
@@ -48,7 +48,7 @@ def do(
 
 
 def _located(folder: WorkFolder, field: Field, value: Any) -> Any:  # noqa: ANN401 - a path, a name, or several
-    """Return the value of a job input. Names of items in the folder are replaced by paths."""
+    """Return the value of a job input; names of files in the work folder become paths."""
     option = field.option
     if option.places == ("runs",):
         return _runs(folder, value) if field.required or value is not None else None
@@ -72,7 +72,7 @@ def _runs(folder: WorkFolder, names: list[str] | None) -> list[Path]:
 
 
 def _path_or_preset(folder: WorkFolder, field: Field, name: str) -> str:
-    """Return the path of an item in the folder, the name of a preset, or the text of a load cycle."""
+    """Return the path of a named file; presets and texts of load cycles are unchanged."""
     option = field.option
     presets: Any = choices().get(option.offers, ())
     is_duty = option.word == "duty"
@@ -99,7 +99,7 @@ def _path_or_preset(folder: WorkFolder, field: Field, name: str) -> str:
 
 
 def _packed(out: Path, name: str) -> Json:
-    """Pack exported folders into archives; return the platforms of the FMU, such as linux64."""
+    """Create ZIP archives of exported folders; return the platforms of the FMU."""
     for folder in filter(Path.is_dir, (out / f"{name}_c", out / f"{name}_matlab")):
         shutil.make_archive(str(folder), "zip", out, folder.name)
     if not (fmu := out / f"{name}.fmu").exists():

@@ -1,4 +1,4 @@
-"""Dampers of a server with their folders and processes; functions to read requests and to send files."""
+"""Folders and processes of all dampers of a server; read requests, send files."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _DOWNLOADS = frozenset({".fmu", ".zip"})
 
 
 class AppContext:
-    """Folder and processes of one damper. All dampers share ``slots``, which limits the running jobs."""
+    """Work folder and processes of one damper; ``slots`` limits jobs of all dampers."""
 
     def __init__(self, root: Path, *, most_upload: int, local: bool, slots: asyncio.Semaphore) -> None:
         self.folder = WorkFolder(root)
@@ -39,9 +39,9 @@ class AppContext:
         self.formats = tuple(run_formats())
         self.choices = choices()
         self.queue = JobQueue(self.folder, slots)
-        self.reader = QueryLine()  # Reads whole files for a page.
-        self.previewer = QueryLine()  # Reads the beginning of large files.
-        self.heater = QueryLine()  # Computes quick heating curves.
+        self.reader = QueryLine()  # process that reads whole files for a page
+        self.previewer = QueryLine()  # process that reads the first lines of large files
+        self.heater = QueryLine()  # process that computes quick heating curves
         self.index = RunIndex(self.folder, self.formats)
 
     def open(self) -> None:
@@ -55,7 +55,7 @@ class AppContext:
         await self.queue.close()
 
     def change_numbers(self) -> dict[str, str]:
-        """Return two texts: one changes if a measured file changes, the other one if another item changes."""
+        """Return texts that change when a measured file or another file changes."""
         folder = self.folder
         others = (folder.records, folder.inputs, folder.cards, folder.results)
         files = f"{self.index.changes}-{_signature(folder.runs)}"
@@ -73,7 +73,7 @@ def _signature(place: Path) -> int:
 
 
 class Dampers:
-    """The dampers of a server: the work folder itself, and each folder in its subfolder ``dampers/``."""
+    """Dampers of a server. The folder of a damper is the root or is in ``dampers/``."""
 
     def __init__(self, root: Path, *, most_upload: int, local: bool) -> None:
         self._options: dict[str, Any] = {
@@ -85,7 +85,7 @@ class Dampers:
         self._opened: dict[str, tuple[AppContext, ExitStack]] = {}  # contexts and folder locks
 
     def find(self, name: str | None) -> AppContext:
-        """Return the context of a damper; the first request opens it. None: the work folder itself."""
+        """Return the context of a damper (None: root); the first call opens the context."""
         if name is None:
             return self.main
         if name not in self._opened:

@@ -1,7 +1,7 @@
-"""Fields of each request as JSON, from which the pages build their forms.
+"""Describe form fields as JSON; the JavaScript of the pages builds the forms.
 
-The fields are generated from the declarations of the jobs (``jobs.options``, ``registry``). The JavaScript of
-the pages declares no options.
+The fields are generated from the declarations of the jobs (``jobs.options``, ``registry``). The JavaScript
+contains no options of jobs.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _TYPES = {bool: "yes", int: "whole", float: "number"}
 
 
 def all_forms(choices: Mapping[str, Any]) -> Json:
-    """Return the fields of all forms by kind: job requests, tables of input files, and quick heating curve.
+    """Return the fields of forms for jobs, TOML tables of files, and heating curves.
 
     ``choices`` contains the names that the forms offer, such as laws and presets.
     """
@@ -35,7 +35,7 @@ def all_forms(choices: Mapping[str, Any]) -> Json:
 
 
 def _written(field: Field, choices: Mapping[str, Any]) -> Json:
-    """Return a form field for a key of a TOML input file. An empty entry is not written to the file."""
+    """Return a form field for a key of a TOML file; empty fields are not written."""
     default = None if field.required else field.default
     if field.option.key and isinstance(default, int | float):
         default = field.option.from_si(default)
@@ -68,7 +68,7 @@ def _field(field: Field, choices: Mapping[str, Any]) -> Json:
         "none": option.default_help or ("none" if option.places else ""),
         "unit": _SHOWN_UNITS.get(option.unit, option.unit).replace("^2", "²").replace("^3", "³"),
         "choices": _choices(field, choices),
-        # True if values that are not among the choices are allowed.
+        # True: the user may enter a value that is not in ``choices``.
         "free": not field.choices and not option.places and option.offers in {"", "runs"},
         **{name: getattr(option, name) for name in _SHOWN},
     }

@@ -20,7 +20,7 @@ from mrdamper.web.schemas import ORDER_JOBS, Order
 from mrdamper.web.workspace import ConflictError, WorkFolder
 
 JOBS_AT_ONCE_MAX = 2
-# Time from cancelling a job to killing its process [s], for jobs that first save a result (such as fits).
+# Max time [s] from cancelling to killing a process that first saves its best result, such as a fit.
 _KEEPING_S = 20.0
 
 
@@ -61,7 +61,7 @@ class JobQueue:
         return bool(self._jobs)
 
     def recover(self) -> None:
-        """Mark jobs that were running when the previous server stopped; remove their unfinished files."""
+        """Mark unfinished jobs of a stopped server; remove their incomplete files."""
         for job_id in job_ids(self._folder.results):
             record = self.record(job_id)
             with suppress(InputError):
@@ -79,7 +79,7 @@ class JobQueue:
         kind, options = order.kind, order.options
         card = options["card"] if kind == "fit" else None
         if card is not None:
-            self._claim(card, replace=options["replace"])
+            self._check_card_name(card, replace=options["replace"])
         job_id = new_id(self._folder.results, kind)
         self.record(job_id).open(kind, options, card)
         self._start(job_id)
@@ -102,8 +102,8 @@ class JobQueue:
             raise ConflictError(f"{job_id} has not ended; cancel it first")
         return record
 
-    def _claim(self, card: str, *, replace: bool) -> None:
-        """Raise ConflictError if the name of a card is used."""
+    def _check_card_name(self, card: str, *, replace: bool) -> None:
+        """Raise ConflictError if a card exists or will be written by a queued job."""
         place = self._folder.new(self._folder.cards, card)
         if place.exists() and not replace:
             raise ConflictError(f"there is a card {card!r} already; choose another name, or replace it")
@@ -138,7 +138,7 @@ class JobQueue:
                 self.record(job_id).end("interrupted", f"{SERVER_STOPPED}; ask for it again")
                 work.task.cancel()
             elif work.process is not None and work.process.stdin is not None:
-                work.process.stdin.close()  # The process then interrupts the job and, later, kills itself.
+                work.process.stdin.close()  # The process then stops.
         if self._jobs:
             await asyncio.wait([work.task for work in self._jobs.values()], timeout=GRACE_S + 2.0)
 
@@ -162,7 +162,7 @@ class JobQueue:
                     work.interrupt()
                 code = await work.process.wait()
             finally:
-                work.kill()  # The job may have left processes behind.
+                work.kill()  # Child processes of the job may still run.
                 self._settle(self.record(job_id), code, cancelled=work.cancelled)
 
     def _settle(self, record: JobRecord, code: int | None, *, cancelled: bool) -> None:

@@ -49,7 +49,7 @@ class DataSet:
     doi: str  # "" if there is no DOI
     repository: str  # owner/name on GitHub
     commit: str
-    channels: str  # name of the channel map in examples/ that reads the files
+    channels: str  # file name of the channel map (TOML) for these files, in the folder of this module
     notes: str
     files: tuple[RemoteFile, ...]
 
@@ -148,9 +148,9 @@ def _cache() -> Path:
 
 
 def _find_in(mirror: Path, chosen: DataSet, file: RemoteFile) -> Path | None:
-    """Return the path of a file in a local mirror, or None if the mirror does not contain the file.
+    """Return the path of a file in the folder ``mirror``; None if the file is missing.
 
-    The file is searched by its path in the repository, and by its name in raw/, <set>/ and the root.
+    Tried folders: the path in the repository, ``raw``, the name of the data set, and ``mirror`` itself.
     """
     for place in (file.path, f"raw/{file.name}", f"{chosen.name}/{file.name}", file.name):
         if (mirror / place).is_file():
@@ -160,7 +160,7 @@ def _find_in(mirror: Path, chosen: DataSet, file: RemoteFile) -> Path | None:
 
 def _download(chosen: DataSet, file: RemoteFile) -> Path:
     """Download a file into the cache; return its path. The caller checks the hash."""
-    patience_s = 60.0  # maximum wait for the next part of a download
+    patience_s = 60.0  # maximum time without received data [s]
     url, place = chosen.url(file), _cache() / "downloads" / f"{file.sha256[:16]}-{file.name}"
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -188,7 +188,7 @@ def _check(chosen: DataSet, file: RemoteFile, source: Path) -> None:
 
 
 def _place(source: Path, here: Path) -> None:
-    """Copy a file to a temporary name and rename the copy, so that no partial file remains."""
+    """Copy a file atomically: an interrupted copy leaves no incomplete file ``here``."""
     partial = here.with_name(f".{here.name}.partial")
     shutil.copyfile(source, partial)
     partial.replace(here)
@@ -217,12 +217,12 @@ class FetchedData(JobResult):
 
     @property
     def files(self) -> list[Path]:
-        """All files in the folder, sorted by name."""
+        """Return all files in the target folder, sorted by name."""
         return sorted(self.folder.iterdir())
 
     @property
     def runs(self) -> list[Path]:
-        """The files of the set that are present in the folder."""
+        """Return the files of the data set that are present in the target folder."""
         return [self.folder / file.name for file in self.data.files if (self.folder / file.name).is_file()]
 
     @property

@@ -1,4 +1,4 @@
-"""Sweeps: many independent tasks, each for one campaign, one random damper or one geometry file.
+"""Sweeps: one job for many test campaigns, random dampers or geometry files.
 
-The tasks run on processes of this machine or on a Dask cluster.
+The tasks are independent. They run on processes of this machine or on a Dask cluster.
 """

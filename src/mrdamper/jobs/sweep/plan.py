@@ -28,7 +28,7 @@ SweepKind = Literal["campaigns", "samples", "dampers"]
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One task of a sweep. The module ``tasks`` has a function for each kind, which gets ``arguments``."""
+    """One task of a sweep. Each ``kind`` has a function that gets ``arguments``."""
 
     name: str
     kind: SweepKind
@@ -38,7 +38,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """All tasks of a sweep in order, and a hash (``fingerprint``) of all inputs that affect the results."""
+    """Tasks of a sweep. ``fingerprint`` is a hash of all inputs that affect results."""
 
     kind: SweepKind
     seed: int
@@ -47,7 +47,7 @@ class Plan:
 
     @property
     def head(self) -> dict[str, Any]:
-        """Return the first line of the results file. This line identifies the sweep."""
+        """Return the first line of the results file, which identifies the sweep."""
         return {
             "kind": self.kind,
             "seed": self.seed,
@@ -110,7 +110,7 @@ def make_plan(
 
 
 def read_drawings(given: Sequence[str | Path | DamperDrawing]) -> list[DamperDrawing]:
-    """Return the geometries of several dampers, each given as a file, a preset name or a geometry object."""
+    """Read the geometry of each damper from a file, preset name or geometry object."""
     return [each if isinstance(each, DamperDrawing) else read_drawing(each) for each in given]
 
 
@@ -132,7 +132,7 @@ def _campaign_paths(given: Sequence[str | Path]) -> list[str]:
 
 
 def _unique_names(paths: list[str]) -> Iterator[tuple[str, str]]:
-    """Generate (name, path) pairs; a name is the last part of the path, with parents until it is unique."""
+    """Generate (name, path) pairs; parent folders are prefixes of equal file names."""
     for path in paths:
         parts = Path(path).parts
         for count in range(1, len(parts) + 1):

@@ -30,7 +30,7 @@ class Store:
         self._read()
 
     def begin(self, head: Mapping[str, Any]) -> None:
-        """Store ``head``, which identifies the sweep, or compare ``head`` with the stored one.
+        """Write ``head``, which identifies the sweep, or compare it with the file.
 
         Raises
         ------
@@ -89,7 +89,7 @@ class Store:
 
 @contextmanager
 def open_store(folder: Path, *, resume: bool) -> Iterator[Store]:
-    """Open the store in the folder of a sweep; during the block, other processes cannot open it.
+    """Open the results file of a sweep and lock the file against other processes.
 
     Raises
     ------

@@ -77,7 +77,7 @@ class SweepResult(JobResult):
 
     @property
     def names(self) -> list[str]:
-        """Return the names of the values of all tasks, in order of first appearance."""
+        """Return the names of all values in the results, in order of first appearance."""
         return list(dict.fromkeys(name for task in self.tasks_with_values for name in task.figures))
 
     @property

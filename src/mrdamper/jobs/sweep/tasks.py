@@ -62,7 +62,7 @@ def run_task(task: Task) -> Result:
 
 
 def _fit(_seed: int, *, path: str, law: str | None) -> Result:
-    """Fit a campaign; return the errors, the parameters and the card."""
+    """Fit a campaign; return error values, fitted parameters and the model card."""
     dataset = read_dataset([path])
     chosen = replace(options_for(dataset, FitOptions()), jobs=1)  # One core for each task.
     fitted = fit(dataset, law, options=chosen)
@@ -77,7 +77,7 @@ def _fit(_seed: int, *, path: str, law: str | None) -> Result:
 
 
 def _track(seed: int, *, card: Json, spread_percent: float) -> Result:
-    """Return the tracking errors of ``recommended`` on the preset ``nominal`` with random parameters."""
+    """Test the controller ``recommended`` on a random variant of the virtual damper."""
     sampling_s = 1e-3  # sampling period of the controllers; the default of the job ``track``
     known = card_from_json(card)
     damper = find_preset("nominal").draw(np.random.default_rng(seed), spread_percent / 100.0)
@@ -106,10 +106,13 @@ def _track(seed: int, *, card: Json, spread_percent: float) -> Result:
 
 
 def _search_sink(_seed: int, *, card: Json, drawing: DamperDrawing, duty: Duty) -> Result:
-    """Search for a heat sink; return the best, and temperatures without, with original and with best sink."""
+    """Search for the coolest heat sink; return dimensions and fluid temperatures.
+
+    The temperatures are computed without a heat sink, with the original one, and with the coolest one.
+    """
     run = heatsink(card_from_json(card), drawing, duty, HeatsinkOptions())
     best = run.best.sink
-    assert best is not None  # The best design of a search has a sink.
+    assert best is not None  # The search evaluates only designs with a heat sink.
     return {
         "figures": _json_values(
             {
@@ -146,7 +149,7 @@ def run_on_processes(tasks: Sequence[Task], workers: int) -> Iterator[tuple[Task
     Raises
     ------
     InputError
-        If workers die ``DEATHS_MAX`` times without a result.
+        If ``DEATHS_MAX`` workers die and no task is completed in between.
     """
     left = {task.name: task for task in tasks}
     deaths = 0

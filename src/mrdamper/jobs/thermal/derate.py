@@ -1,4 +1,4 @@
-"""The job ``derate``: compute the allowed load of a damper versus ambient temperature, air speed, time."""
+"""The job ``derate``: compute the load that a damper may have in given conditions."""
 
 from __future__ import annotations
 
@@ -27,14 +27,15 @@ _USUAL = DerateOptions()
 class DerateResult(JobResult):
     """The largest current, stroke or duty ratio that keeps all temperatures within their limits.
 
-    Maps have the shape (durations, air speeds, ambient temperatures).
+    Arrays have the shape (durations, air speeds, ambient temperatures) if no shape is stated.
 
     Attributes
     ----------
-    largest, low, high : map of the largest allowed value and of its interval with ``probability``, in
-        ``unit``; NaN if no value is allowed
-    limited_by : map of the index of the limit that is reached first; -1: the unchanged load cycle is allowed
-    duration_min : durations; infinity is the steady state
+    largest : largest allowed current, stroke or duty ratio [unit]; NaN if no value is allowed
+    low, high : bounds of the interval that contains the true value of ``largest`` with ``probability``
+    limited_by : index in ``limits`` of the limit that is reached first; -1 if the unchanged load cycle is
+        allowed
+    duration_min : durations of the load cycle [min], shape (n,); infinity: thermal equilibrium
     """
 
     _job = "derate"
@@ -78,7 +79,7 @@ def derate(
         np.append(60.0 * np.array(options.duration_min), np.inf),
     )
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", EnvelopeWarning)  # A map extends beyond the card's range.
+        warnings.simplefilter("ignore", EnvelopeWarning)  # ``notes_of`` reports extrapolation.
         found = derate_damper(card.damper, drawing, duty, conditions, options.quantity)
     whole, unit = _unchanged_value(duty, options.quantity)
     return DerateResult(

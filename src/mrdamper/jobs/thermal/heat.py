@@ -1,7 +1,8 @@
 """The job ``heat``: compute temperatures, heat flows and loss of force in a load cycle.
 
 A damper with a heat sink is also computed without the heat sink. If a measured heating curve is given, the
-geometry is calibrated first. A requested temperature field is plotted at the end and at the hottest time.
+geometry is calibrated first. A requested temperature field is plotted at the last time and at the time of the
+maximum temperature.
 """
 
 from __future__ import annotations
@@ -48,12 +49,12 @@ class HeatResult(JobResult):
     # Result of the calibration with a measured heating curve. ``drawing`` is then the calibrated geometry.
     calibrated: CalibratedDrawing | None
     notes: tuple[str, ...]
-    # True if the load cycle is outside the range of the card's runs. The intervals exclude this error.
+    # True if the load cycle is outside the range of the card's runs. The intervals ignore the extrapolation.
     extrapolated: bool = False
 
     @property
     def rises(self) -> list[tuple[str, Rise]]:
-        """Return each simulation with its name, the requested simulation first."""
+        """Return the temperature rise with and without heat sink, each with its name."""
         if self.bare is None:
             return [("without heat sink", self.rise)]
         return [("with heat sink", self.rise), ("without heat sink", self.bare)]
@@ -82,10 +83,10 @@ def heat(
 
     Parameters
     ----------
-    sink : heat sink instead of the one in the geometry file
-    calibrate : temperature curve for a calibration of the geometry, measured from the start of the load cycle
-        with the requested heat sink. The calibration does not reduce the uncertainty of the simulation
-        without heat sink.
+    sink : heat sink that replaces the heat sink in the geometry file; None: no replacement
+    calibrate : temperatures that were measured in this load cycle with the requested heat sink, for the
+        calibration of the geometry. The calibration does not reduce the uncertainty of the simulation without
+        heat sink.
 
     Raises
     ------
@@ -168,8 +169,8 @@ def start_of(options: HeatOptions) -> float | None:
 
 
 def _warm_notes(card: ModelCard, rise: Rise) -> list[str]:
-    """Return a note if the fluid leaves the temperature range of the runs that identified the card."""
-    most_capped = 1.0  # A note reports a fluid temperature that is farther outside the range of the card [K].
+    """Return a note if the fluid is colder or hotter than in all runs of the card."""
+    most_capped = 1.0  # no note for a fluid temperature that is less than this outside the range [K]
     known = card.envelope.temperature
     if not card.damper.temperature_dependent or known is None:
         return []

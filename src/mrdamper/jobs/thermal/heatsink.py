@@ -1,6 +1,7 @@
-"""The job ``heatsink``: compute a Pareto front of heat sinks, and repeat the parameter studies of the paper.
+"""The job ``heatsink``: find heat sinks with low fluid temperature and low mass.
 
-The search uses the fast thermal network of axial zones. The displayed designs of the front and the reference
+The job also repeats two studies (fin width, number of fins) of the paper that the program reproduces. The
+search uses the fast thermal network of axial zones. The displayed designs of the front and the reference
 design are evaluated again with finite elements.
 """
 
@@ -49,7 +50,7 @@ class HeatsinkResult(JobResult):
     reference: SinkDesign  # damper with its original heat sink, or ``bare`` if there is no heat sink
     found: SinkFront  # whole Pareto front, evaluated with the thermal network
     front: tuple[SinkDesign, ...]  # displayed designs of the front
-    gain: GainBand  # temperature difference between the reference and the coolest design
+    gain: GainBand  # fluid temperature of ``reference`` minus the coolest design, with its uncertainty
     sweeps: tuple[Sweep, Sweep] | None
     card: ModelCard
     notes: tuple[str, ...]
@@ -74,7 +75,7 @@ def heatsink(
     *,
     on_progress: Progress = silent,
 ) -> HeatsinkResult:
-    """Search for the heat sinks of a damper with the lowest temperatures in a load cycle.
+    """Search for the heat sinks with the lowest fluid temperature in a load cycle.
 
     Raises
     ------
