@@ -166,7 +166,7 @@ class JobQueue:
                 self._settle(self.record(job_id), code, cancelled=work.cancelled)
 
     def _settle(self, record: JobRecord, code: int | None, *, cancelled: bool) -> None:
-        """Record the final state of a job whose process has ended without recording it."""
+        """Write the final state of a job into its record if the process has not done so."""
         with suppress(InputError, OSError):
             if not record.read().has_ended:
                 next_step = _next_step(record)
@@ -182,7 +182,7 @@ class JobQueue:
 
 
 def _next_step(record: JobRecord) -> str:
-    """Return advice for the user if the process of a job ended without a message."""
+    """Return advice for the user after the process of a job stopped unexpectedly."""
     if not record.is_resumable(replace(record.read(), state="interrupted")):
         return "nothing was written: ask for it again"
     return "its finished parts are kept, and Resume continues after them"

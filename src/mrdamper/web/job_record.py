@@ -1,11 +1,11 @@
 """Record of a job: request, state, times and progress, in the folder of the job.
 
-    job.json        one object; the server writes request and cancellation, the worker writes start and end
+    job.json        request, state and times; written by the server and by the process of the job
     progress.json   the last progress step
     answer.json     the output of ``mrdamper KIND --json``
 
-A restarted server needs only these files. A small reserve file is created with the record. It is deleted when
-the job ends, so that the end can be written even on a full disk.
+A restarted server needs only these files. A small file (.reserve) occupies disk space while the job runs. The
+file is deleted before the final state is written, so that the final state fits even on a full disk.
 """
 
 from __future__ import annotations
@@ -80,14 +80,14 @@ class JobRecord:
             raise
 
     def reopen(self) -> None:
-        """Set the record of a job that ended early to waiting again."""
+        """Set the state of a job that ended early to ``queued``."""
         job = self.read()
         (self.folder / "answer.json").unlink(missing_ok=True)
         again = replace(job, state="queued", started_at=None, ended_at=None, message=None)
         self._queue(replace(again, resumed=job.resumed + 1))
 
     def read(self) -> Job:
-        """Return the record; raise NotThereError if it is missing or invalid."""
+        """Return the content of ``job.json``; raise NotThereError if the file is invalid."""
         try:
             found = json.loads((self.folder / "job.json").read_text(encoding="utf-8"))
             return replace(read_record(Job, found, self.id), id=self.id)
@@ -95,7 +95,7 @@ class JobRecord:
             raise NotThereError(place=f"{self.id!r}", found="no job of that name") from fault
 
     def begin(self) -> None:
-        """Record that the job has started, and the id of this process."""
+        """Record the start of the job in this process."""
         self._write(replace(self.read(), state="running", started_at=now(), pid=os.getpid()))
 
     def end(self, state: EndState, message: str | None = None) -> None:
@@ -109,7 +109,7 @@ class JobRecord:
         return job.kind == "sweep" and ended_early and bool(_size(self.folder / RESULTS_FILE))
 
     def content(self, name: str) -> Any:  # noqa: ANN401 - any JSON
-        """Return the content of a JSON file of the job; None if it has not been written yet."""
+        """Return the content of a JSON file of the job; None if the file is missing."""
         with suppress(OSError, ValueError):
             return json.loads((self.folder / name).read_text(encoding="utf-8"))
         return None
@@ -122,7 +122,7 @@ class JobRecord:
         return asdict(job) | more
 
     def _files(self) -> list[Json]:
-        """Return path and size of the job's files. Files that a running job is moving are omitted."""
+        """Return path and size of output files; files that disappear are omitted."""
         rows = []
         for folder, _, names in os.walk(self.folder):
             for path in (Path(folder) / name for name in names):
@@ -161,8 +161,9 @@ def job_ids(results: Path) -> list[str]:
 
 
 def new_id(results: Path, kind: str) -> str:
-    """Return an unused id. Jobs of all kinds are numbered together, so that the numbers show the order."""
-    thrown = results.parent.glob(f".trash/*/{results.name}/*")  # Removed jobs can be restored.
+    """Return a new job id, such as fit-004, with a larger number than all other ids."""
+    # Jobs in the trash keep their ids because they can be restored.
+    thrown = results.parent.glob(f".trash/*/{results.name}/*")
     numbers = [_number(path.name) for path in (*results.iterdir(), *thrown)]
     return f"{kind}-{max(numbers, default=0) + 1:03d}"
 

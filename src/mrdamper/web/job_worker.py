@@ -1,10 +1,10 @@
 """Process of one job: ``python -P -m mrdamper.web.job_worker FOLDER JOB``, started by the queue.
 
-The process reads the job record, runs the job, and writes progress, answer and end into the folder of the
-job, so that nothing is lost if the server stops. SIGINT has the effect of Ctrl-C on the command line: a fit
-keeps the best result, a sweep keeps its finished tasks, and any other job writes nothing. The standard input
-of the process is a pipe from the server. If the pipe closes, the server has stopped, and the process
-interrupts the job.
+The process reads the job record and runs the job. Progress, answer and final state are written into the
+folder of the job. Therefore no result is lost if the server stops. SIGINT has the effect of Ctrl-C on the
+command line: a fit keeps the best result, a sweep keeps its finished tasks, and any other job writes nothing.
+The standard input of the process is a pipe from the server. If the pipe closes, the server has stopped, and
+the process interrupts the job.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _server_is_gone = threading.Event()
 
 
 def _progress_file(path: Path) -> Progress:
-    """Return a progress callback that replaces a file, not more often than every ``_INTERVAL_MIN_S``."""
+    """Return a function that writes progress to a file every ``_INTERVAL_MIN_S``."""
     written_s = -math.inf
 
     def write(now: ProgressUpdate) -> None:
@@ -53,7 +53,7 @@ def main() -> None:
     os.environ.setdefault("MPLBACKEND", "Agg")
     if hasattr(os, "nice"):
         os.nice(_NICENESS)
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # A background process may ignore it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # Background processes may ignore SIGINT.
     threading.Thread(target=_end_with_server, daemon=True).start()
     run_job(WorkFolder(Path(folder)), job_id)
 

@@ -26,13 +26,13 @@ from mrdamper.web.workspace import ConflictError, NoSpaceError, NotThereError, W
 
 _CACHE_FORMAT = "5"  # If this number changes, all files are read again.
 _RIG_LINE = re.compile(rb"# simulated: virtual damper ([\w-]+), seed ")
-_WINDOWS_MAX_COUNT = 64  # max number of cached windows (plotted time ranges) of a file
+_WINDOWS_MAX_COUNT = 64  # max number of cached plots (time ranges, model forces) of a file
 _RETRY_S = 30.0  # If the disk is full, the attempt to read a file is repeated after this time.
 
 
 @dataclass(frozen=True, slots=True)
 class CachedRun:
-    """A run of a measured file. ``number`` is the index in the file, ``place`` the cache folder."""
+    """Run of a measured file, with its index in the file and its cache folder."""
 
     file: Path
     number: int
@@ -44,7 +44,7 @@ class CachedRun:
         return self.place / f"{self.number}.series"
 
     def trim(self) -> None:
-        """Delete the older half of the cached windows of the file if there are too many."""
+        """Delete the older half of the cached plots of the file if there are too many."""
         windows = [*self.place.glob("*.window"), *self.place.glob("*.model")]
         if len(windows) > _WINDOWS_MAX_COUNT:
             for old in sorted(windows, key=lambda path: path.stat().st_mtime)[: len(windows) // 2]:
@@ -56,7 +56,7 @@ class _Contents:
     """Description of a measured file and its runs: ``meta.json`` in the cache folder of the file."""
 
     file: str
-    preview: dict[str, Any]  # computed by ``jobs.previews``
+    preview: dict[str, Any]  # result of ``jobs.previews.series.keep_runs``
     findings: list[list[dict[str, Any]]] | None = None  # None until the runs have been checked
     rig: str | None = None  # preset of the virtual rig that simulated the file
 
@@ -88,7 +88,7 @@ class RunIndex:
     def __init__(self, folder: WorkFolder, formats: tuple[str, ...]) -> None:
         self._folder, self._formats = folder, formats
         self._queries = QueryLine()
-        self._contents: dict[str, _Contents] = {}  # cache key: content
+        self._contents: dict[str, _Contents] = {}  # by cache key
         self._pending: dict[str, asyncio.Task[None]] = {}
         self.changes = 0
 
@@ -114,7 +114,7 @@ class RunIndex:
         return [file.name for file, one in contents.items() if one is not None and one.is_usable]
 
     def has_read(self, file: Path) -> bool:
-        """Return True if the present version of a file has already been read."""
+        """Return True if a file has been read since its last change."""
         return self._look_up(self._key_of(file)) is not None
 
     async def preview(self, file: Path) -> Json:

@@ -1,7 +1,8 @@
-"""Requests to the server: job requests, built from the declarations of the jobs, and queries of the pages.
+"""Data classes that define and validate the requests to the server.
 
-A request contains names of cards, run files and inputs in the folder, never paths or code. Only the command
-line accepts a law in a Python file. The options of a request are the options of the job (``jobs.options``).
+The classes of job requests are generated from the declarations of the jobs. A request contains names of
+cards, run files and inputs in the folder, never paths or code. Only the command line accepts a law in a
+Python file. The options of a request are the options of the job (``jobs.options``).
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ def _members(job: Job) -> Iterator[tuple[str, Any, Any]]:
     yield from (_input(each) for each in job.inputs if each.option.flag != "-")
     has_maps = any("runs" in each.option.places and each.many for each in job.inputs)
     for each in (*job.reading, *job.fields):
-        if each.option.local or (each.type is Path and has_maps):  # Each run file has its own map.
+        if each.option.local or (each.type is Path and has_maps):  # On the server, each file has its own map.
             continue
         if each.type is Path:
             yield _input(each)
@@ -79,10 +80,10 @@ def _members(job: Job) -> Iterator[tuple[str, Any, Any]]:
 
 
 def _input(each: Field) -> tuple[str, Any, Any]:
-    """Return name, type and default of a request field that names items in the work folder."""
+    """Return name, type and default of a request field for files in the work folder."""
     option, default = replace(each.option, help=each.help), each.default
     if each.many:
-        is_runs = option.places == ("runs",)  # Without names the job reads all runs.
+        is_runs = option.places == ("runs",)  # optional, because None means all runs
         needed = each.required and not is_runs
         words = f"a list of names, {option.most_items} at most"
         option = replace(option, least_items=int(needed), expected=words)

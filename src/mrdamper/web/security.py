@@ -98,11 +98,11 @@ class ListenAddress:
 
     @property
     def cookie_value(self) -> str:
-        """Value of the cookie that replaces the token. The token cannot be computed from this value."""
+        """Return the value of the login cookie: a hash that does not reveal the token."""
         return hmac.new((self.token or "").encode(), b"mrdamper cookie", hashlib.sha256).hexdigest()
 
     def is_named_by(self, host: str) -> bool:
-        """Return True if the content of a Host header is a valid name or address of this server."""
+        """Return True if the value of a Host header is a name or address of this server."""
         try:
             parts = urlsplit(f"//{host}")
             name = parts.hostname
@@ -164,9 +164,8 @@ class Guard:
         is_reading = request.method in {"GET", "HEAD"}
         if not (is_page and is_reading) and not _is_own(headers, host):
             return refusal(403, "the request comes from another site; open the page itself")
-        cookie = (
-            f"mrdamper-{(request.scope.get('server') or ('', 0))[1]}"  # Browsers send cookies to all ports.
-        )
+        # The name contains the port, because servers on other ports get the same cookies.
+        cookie = f"mrdamper-{(request.scope.get('server') or ('', 0))[1]}"
         scheme, _, bearer = headers.get("authorization", "").partition(" ")
         is_admitted = (
             self._address.token is None

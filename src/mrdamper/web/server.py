@@ -1,7 +1,7 @@
 """Server: application with all routes and access control, and ``mrdamper serve``.
 
-One process answers requests and runs no long computation. It serves one folder and the dampers in it. A
-second server cannot use the same folder.
+The server process answers requests for one work folder and runs no long computation. A second server cannot
+use the same folder.
 """
 
 from __future__ import annotations
@@ -117,12 +117,12 @@ def serve(
         def close() -> None:
             server.should_exit = True
 
-        with on_interrupt(close):  # Uvicorn ignores SIGHUP, and all signals before it has started.
+        with on_interrupt(close):  # Uvicorn itself ignores SIGHUP, and all signals during startup.
             server.run(sockets=[listener])
 
 
 def _kept_token(place: Path) -> str:
-    """Return the token that is stored in the folder. It is reused so that open pages work after a restart."""
+    """Return the stored token, so that open pages still work after a restart."""
     with suppress(OSError, UnicodeDecodeError):
         kept = place.read_text(encoding="ascii")
         if len(kept) == _TOKEN_SIGNS and kept.isprintable() and not place.stat().st_mode & 0o077:
@@ -163,7 +163,7 @@ async def _page(path: str) -> Response:
 
 
 def _answer(_: Request, fault: Exception) -> Response:
-    """Return the response to an error: its message and parts, without internal details."""
+    """Return the response to an error, without internal details of the server."""
     name = Path(str(getattr(fault, "filename", None) or "a file")).name
     if is_full(fault):
         fault = NoSpaceError("nothing was written")

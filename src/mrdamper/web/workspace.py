@@ -10,7 +10,7 @@
     .cache/       samples of runs for plots; may be deleted at any time
 
 Only this module turns the name in a request into a path. The item must be directly in the folder of its kind,
-and must not be a link to a place outside the work folder. New names contain only common characters.
+and must not be a link that leads out of this folder. New names contain only common characters.
 """
 
 from __future__ import annotations
@@ -82,7 +82,8 @@ def is_text(name: str) -> bool:
 
 def _is_plain(sign: str) -> bool:
     """Return True if a character is allowed in a new name."""
-    # Letters, marks and numbers of all scripts are allowed. Punctuation and symbols must not be ASCII.
+    # Letters, accents and digits of all scripts are allowed. Special characters of ASCII must be in
+    # ``_SIGNS``.
     return sign in _SIGNS or unicodedata.category(sign)[0] in ("LMN" if sign.isascii() else "LMNPS")
 
 
@@ -152,7 +153,7 @@ class WorkFolder:
     def there(self, place: Path, *names: str, folder: bool = False) -> Path:
         """Return the path of an existing file or folder below ``place``.
 
-        Raise NotThereError if it is missing, or a link to a place outside the work folder.
+        Raise NotThereError if the path is missing, or is a link that leads out of ``place``.
         """
         for name in names:
             if not name or name in {".", ".."} or re.search(r"[/\\\x00]", name):
@@ -180,7 +181,7 @@ class WorkFolder:
         return self.run_file(name)
 
     def channel_map(self, name: str) -> Path:
-        """Return the path of the channel map with this name, or of the map of the measured file."""
+        """Return the path of a channel map in ``inputs/`` or of a measured file."""
         if name.endswith(".toml"):
             return self.input(name)
         path = self.map_of(self.record(name))
@@ -212,13 +213,13 @@ class WorkFolder:
         return [name for name in names if self.has(self.cards, name, "card.json")]
 
     def unnamed(self) -> list[str]:
-        """Return the escaped names of items that cannot be requested because the names are not UTF-8."""
+        """Return names that are not UTF-8, escaped. These files cannot be requested."""
         places = (self.runs, self.records, self.inputs, self.cards)
         found = [path.name for place in places for path in place.iterdir() if not is_text(path.name)]
         return sorted(os.fsencode(name).decode(errors="backslashreplace") for name in found)
 
     def has(self, place: Path, *names: str, folder: bool = False) -> bool:
-        """Return True if ``there`` returns a path."""
+        """Return True if a file or folder exists; see ``there``."""
         with suppress(NotThereError):
             return all(map(is_text, names)) and bool(self.there(place, *names, folder=folder))
         return False

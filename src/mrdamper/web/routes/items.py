@@ -62,7 +62,7 @@ async def _map_channels(request: Request, context: Context) -> Response:
         previews = [
             await context.previewer.ask("preview_head", {"path": path, "given": given}) for path in paths
         ]
-        if None not in previews:  # None means that the beginning of the file is not sufficient.
+        if None not in previews:  # None: the file must be read completely.
             return JsonAnswer({"saved": False, "previews": previews})
     previews = [await context.reader.ask("preview", {"path": path, "given": given}) for path in paths]
     is_saved = order.save and (order.map is None or not any(preview["error"] for preview in previews))
@@ -209,7 +209,7 @@ async def _delete_damper(name: str, every: All) -> Response:
 
 
 def _damper(name: str | None, shown: str, root: Path) -> Json:
-    """Return the name of a damper and how many files and cards it has, without opening the damper."""
+    """Return the name of a damper and the numbers of files and cards in its folder."""
     files = [path for path in root.glob("runs/[!.]*") if path.suffix != ".toml"]
     cards = list(root.glob("cards/[!.]*/card.json"))
     return {"name": name, "shown": shown, "files": len(files), "cards": len(cards)}

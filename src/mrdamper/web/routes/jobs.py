@@ -1,4 +1,4 @@
-"""Routes: jobs with their answers and files; state of the work folder and its changes."""
+"""Routes for jobs, answers and output files, and for the state of the work folder."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ async def _job_file(job_id: str, path: str, context: Context) -> Response:
 
 @routes.get("/api/state")
 async def _state(context: Context) -> Response:
-    files = context.index.files()  # Because this call can start reading tasks, it must run in this thread.
+    files = context.index.files()  # starts asyncio tasks, therefore not in a worker thread
     return JsonAnswer({**await asyncio.to_thread(_read_state, context), "files": files})
 
 

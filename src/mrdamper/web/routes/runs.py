@@ -85,7 +85,7 @@ async def _part(
 
 
 def _window(request: Request) -> tuple[int | None, float | None, float | None]:
-    """Return the requested window: maximum number of samples, start time and end time [s]."""
+    """Return the requested number of samples (maximum), first time and last time [s]."""
     asked = request.query_params
     try:
         most = int(asked["max"]) if "max" in asked else None
