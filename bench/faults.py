@@ -1,12 +1,13 @@
-"""Count the injected faults that ``check --deep`` finds and names correctly, and its false alarms.
+"""Inject faults into test data; count findings and false alarms of ``check``.
 
     python -m bench.faults --data DIR               half of the faults, for reports
     python -m bench.faults --data DIR --tuning      the other half, for development
 
-Each fault has the smallest size in its list that doubles the error of the card on the sound runs. If no size
-doubles the error, the fault has the largest size. A fault is silently accepted if it has no finding although
-its card has more than twice the error. A hash of name and location assigns a fault to one of the halves.
-``DIR`` contains public runs (``utfsm_sine*``, ``utfpr*``). Without it, only virtual dampers are tested.
+The tested command is ``check --deep``. The runs without injected faults are called sound. The size of each
+fault is the smallest size that doubles the error of a card, fitted to the faulty runs, on the sound runs. If
+no size doubles the error, the largest size is used. A *silent acceptance* is a fault that doubles the error
+but causes no finding. The hash of name and location of a fault decides to which half the fault belongs.
+``DIR`` contains public runs (``utfsm_sine*``, ``utfpr*``). Without ``DIR``, only virtual dampers are tested.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ def locations(fault: Fault, runs: Runs) -> list[int]:
 
 
 def is_tuning(campaign: str, fault: Fault, index: int) -> bool:
-    """Return True if a fault at a location belongs to the half of the faults for development."""
+    """Return True if a fault in the run ``index`` belongs to the half for development."""
     return hashlib.sha256(f"{campaign}/{fault.name}/{index}".encode()).digest()[0] % 2 == 0
 
 
@@ -85,7 +86,10 @@ def error_of(damper: Damper, runs: Runs) -> float:
 
 
 def damaging(fault: Fault, index: int, sound: Runs, damper: Damper) -> tuple[float, Runs, float]:
-    """Return the smallest fault size that doubles the error (else the largest), its runs and error ratio."""
+    """Find the smallest size that doubles the error; return size, runs, error ratio.
+
+    If no size doubles the error, the largest size is used.
+    """
     judged = sound if index < 0 else [sound[index]]
     tried = []
     for size in (fault.sizes[-1], *fault.sizes[:-1]):
@@ -96,12 +100,12 @@ def damaging(fault: Fault, index: int, sound: Runs, damper: Damper) -> tuple[flo
             ratio = float("inf")
         tried.append((size, faulty, ratio))
         if (ratio >= ERROR_RATIO) != (len(tried) == 1):
-            break  # The largest size does not double the error, or this size is the smallest that does.
+            break  # The first tried size, the largest, is too small; or a smaller size doubles the error.
     return tried[-1] if tried[-1][2] >= ERROR_RATIO else tried[0]
 
 
 def judge_campaign(name: str, sound: Runs, before: set[tuple[str, str]], *, tuning: bool) -> Counter[str]:
-    """Print a line for each fault of one half and return the totals."""
+    """Print a line for each fault (for tuning or for reports); return the totals."""
     total: Counter[str] = Counter()
     damper = joint_fit(sound)[0]
     for fault, index in [(each, k) for each in FAULTS for k in locations(each, sound)]:

@@ -83,7 +83,7 @@ def campaign(seed: int) -> tuple[FitProblem, float]:
 
 
 def _runs(damper: Damper | None, rng: np.random.Generator) -> list[PreparedRun]:
-    """Simulate the runs of a damper. If it is None, return plausible runs for the function ``template``."""
+    """Simulate the runs of a damper; None: return plausible runs for ``template``."""
     runs = []
     for current in CURRENTS_A:
         for degrees in TEMPERATURES_degC:
@@ -149,7 +149,7 @@ def run() -> list[Row]:
 
 
 def accuracy_line(preset: str, seed: int | None) -> str:
-    """Return median and largest held-out error [%] of the default card, by kind of run.
+    """Fit a card with default options; return held-out errors [%] by kind of run.
 
     The four kinds are: constant current above zero (without chirps), any constant current (without chirps),
     chirps above zero current, and random motion with random current. The error of the last kind is RMS error

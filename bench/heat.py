@@ -56,7 +56,7 @@ def scipy_on(network: ThermalNetwork, load: Load, method: str, tolerance: float)
 
 
 def _at_marks(course: Heating) -> FloatArray:
-    """Interpolate the mean temperatures of fluid, coil and wall [K] at 5, 10, ... 30 min by a cubic."""
+    """Interpolate the mean temperatures of fluid, coil and wall [K] at ``MARKS_S``."""
     from scipy.interpolate import CubicSpline
 
     parts = (course.fluid, course.coil, course.wall)

@@ -1,4 +1,4 @@
-"""The faults of ``bench.faults``: functions that change runs, fault sizes, findings with the right cause."""
+"""Faults for ``bench.faults``, and functions that inject the faults into runs."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _CHANNELS = ("time", "displacement", "force", "command", "velocity", "temperatur
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault: findings that name it correctly, function that injects it, and sizes from small to large.
+    """A fault: the function ``inject`` and the tested ``sizes``, from small to large.
 
-    ``where`` selects the runs that can have the fault.
+    ``causes`` are the kinds of findings that name the cause correctly. ``where`` selects suitable runs.
     """
 
     name: str
@@ -98,7 +98,7 @@ def low_passed(run: RigRun, cutoff_Hz: float) -> FloatArray:
 
 
 def hard_clipped(run: RigRun, share: float) -> FloatArray:
-    """Clip the force at a level that is a fraction ``share`` below its peak."""
+    """Limit the force to (1 - ``share``) times its peak."""
     most = (1.0 - share) * float(np.abs(run.force).max())
     return np.clip(run.force, -most, most)
 
@@ -110,7 +110,7 @@ def soft_clipped(run: RigRun, share: float) -> FloatArray:
 
 
 def stuck(run: RigRun, share: float) -> FloatArray:
-    """Hold the force constant for a fraction of the run, from its middle on."""
+    """Freeze the force from the middle of the run, for a fraction of the run."""
     force, n = run.force.copy(), len(run)
     force[n // 2 : n // 2 + int(share * n)] = force[n // 2]
     return force
@@ -124,7 +124,7 @@ def spiked(run: RigRun, size: float) -> FloatArray:
 
 
 def hum(run: RigRun, share: float) -> FloatArray:
-    """Add mains hum that appears at 6.37 Hz by aliasing. The motion has no harmonic at this frequency."""
+    """Add a sine of 6.37 Hz, like aliased mains hum. It is no harmonic of the motions."""
     return run.force + share * float(np.ptp(run.force)) / 2.0 * np.sin(2.0 * np.pi * 6.37 * run.time + 0.3)
 
 
@@ -142,7 +142,7 @@ def lost_with_stamps(run: RigRun, share: float) -> RigRun:
 
 
 def lost_unseen(run: RigRun, share: float) -> RigRun:
-    """Remove blocks of samples and number the times again, so that the gaps are not visible."""
+    """Remove four sections of samples; new uniform times hide the gaps."""
     kept = np.ones(len(run), dtype=bool)
     for start in np.linspace(0.15, 0.85, 4):
         kept[int(start * len(run)) : int((start + share / 4) * len(run)) + 1] = False
@@ -150,7 +150,7 @@ def lost_unseen(run: RigRun, share: float) -> RigRun:
 
 
 def doubled(run: RigRun, share: float) -> RigRun:
-    """Repeat blocks of samples and number the times again, so that the repetitions are not visible."""
+    """Repeat four sections of samples; new uniform times hide the repetitions."""
     kept = np.arange(len(run))
     for start in np.linspace(0.85, 0.15, 4):
         a, b = int(start * len(run)), int((start + share / 4) * len(run)) + 1

@@ -1,8 +1,8 @@
 """Measure CPU times for the benchmarks, and print the results as tables.
 
-The compared jobs are run in turns. Tables contain the median, the minimum and the maximum. A row can have
-limits; a benchmark then ends with a table of all limits and measured values. A program that is not installed
-has a row without values.
+The compared jobs run alternately (A B A B), because the speed of the machine varies. Tables contain median,
+minimum and maximum. Rows can have limits. Then a table of all limits and measured values is printed last. A
+program that is not installed has a row without values.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ class Row:
 
     Attributes
     ----------
-    cpu_s : CPU time of each turn [s]
-    ratios : CPU time of each turn divided by the CPU time of the first program of the group
+    cpu_s : CPU time of each repetition [s]
+    ratios : CPU time of each repetition divided by the CPU time of the first program of the group
     """
 
     contender: str
@@ -58,7 +58,7 @@ class Row:
 
 
 def timed(jobs: Mapping[str, Callable[[], object]], repeats: int = REPEATS) -> dict[str, tuple[float, ...]]:
-    """Run jobs in turns (A B A B); return the CPU times [s] of each job, except for its first turn."""
+    """Run jobs alternately; return the CPU times [s] of each job without the first."""
     spent: dict[str, list[float]] = {name: [] for name in jobs}
     for _ in range(repeats + 1):
         for name, job in jobs.items():
@@ -69,14 +69,14 @@ def timed(jobs: Mapping[str, Callable[[], object]], repeats: int = REPEATS) -> d
 
 
 def ratios_of(mine: Sequence[float], other: Sequence[float], work: float = 1.0) -> tuple[float, ...]:
-    """Return the CPU time of each turn divided by the time of another job, times the ratio ``work``."""
+    """Return ``work`` times the ratio of the CPU times of two jobs in each repetition."""
     return tuple(work * a / b for a, b in zip(mine, other, strict=True))
 
 
 def side_by_side(
     group: str, jobs: Mapping[str, Callable[[], object]], samples: Mapping[str, int]
 ) -> list[Row]:
-    """Measure jobs in turns; return a row for each job. Ratios are relative to the first job."""
+    """Measure jobs; return a row for each job with ratios relative to the first job."""
     spent = timed(jobs)
     first = next(iter(spent))
     return [

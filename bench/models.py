@@ -64,11 +64,8 @@ def run() -> list[Row]:
         number, values = LAWS[law].kernel or 0, damper.coefficients_at(0.0)[:, 0]
         near = np.random.default_rng(0).uniform(0.8, 1.2, (8, 12, len(values))) * values
         near[:, :, LAWS[law].names.index("viscous_exponent")] = 1.0
-        if law in (
-            "bouc-wen",
-            "double-bouc-wen",
-            "spencer",
-        ):  # As in a fit, all runs of a candidate have the same curve shape.
+        if law in ("bouc-wen", "double-bouc-wen", "spencer"):
+            # As in a fit, the shape parameters (last four) are equal in all runs of a candidate.
             near[:, :, -4:] = near[:, :1, -4:]
         places = sorted({0, 1, 2, *map(LAWS[law].names.index, named)})
 

@@ -48,7 +48,7 @@ class Problem:
 
     @cached_property
     def exact(self) -> FloatArray:
-        """Return the first candidate's force [N], integrated from reversal to reversal."""
+        """Return the force [N] of the first candidate by LSODA with small tolerances."""
         from scipy.integrate import solve_ivp
 
         motion, (_, rho, kappa, n) = Sine(AMPLITUDE_m, FREQUENCY_Hz), SHAPE

@@ -1,9 +1,10 @@
 """Force tracking on randomised dampers: ``python -m bench.track [--draws N] [--law LAW]``.
 
-Each damper is randomised around a preset of the virtual rig and identified from its default campaign. Then
-the recommended controller and a PI controller with a force sensor track three targets at 20, 60, 100 and 123
-degC with two seeds of noise. The error at a target is the largest RMS error on the feasible samples. The
-table has the median and the largest error of the dampers. Odd seeds are for reports, even for development.
+Each damper is a preset of the virtual rig with randomised parameters and is identified from its default
+campaign. Two controllers track three target forces at 20, 60, 100 and 123 degC with two seeds of noise: the
+recommended controller, and a PI controller with a force sensor. The error of a target is the largest RMS
+error on samples whose target force the damper can produce. The table has the median and the largest error of
+the dampers. Odd seeds are for reports, even seeds for development.
 """
 
 from __future__ import annotations
@@ -43,7 +44,9 @@ FAMILIES = {
     "hydraulic-bench": HYDRAULIC_LIMITS,
     "hydraulic-monotube": HYDRAULIC_LIMITS,
 }
-BETTER_THAN_PI_MIN_PERCENT = 75.0  # pairs of damper and target with at most the error of the PI controller
+# Required percentage of the (damper, target) pairs for which the error is at most the error of the PI
+# controller.
+BETTER_THAN_PI_MIN_PERCENT = 75.0
 CONTROLLERS = ("recommended", "pi")
 
 
@@ -62,7 +65,7 @@ def card_of(damper: VirtualDamper, law: str | None, folder: Path | None) -> Mode
 
 
 def errors_of(damper: VirtualDamper, card: ModelCard, unit: str) -> dict[str, list[float]]:
-    """Return the largest RMS error on feasible samples for each controller and target.
+    """Return the largest RMS error of each controller for each target force.
 
     If a hot damper is too weak for a target, only lower temperatures are tested, and a message is printed.
     """
@@ -86,7 +89,7 @@ def errors_of(damper: VirtualDamper, card: ModelCard, unit: str) -> dict[str, li
 def track_family(
     family: str, seeds: list[int], law: str | None, folder: Path | None
 ) -> tuple[list[Row], int, int]:
-    """Return the rows of a family, the number of errors of at most the PI's error, and of all errors."""
+    """Return table rows, number of errors not above the PI's, number of all errors."""
     bounds, ours, below = FAMILIES[family], [], 0
     for seed in seeds:
         damper = draw_variant(PRESETS[family], seed)

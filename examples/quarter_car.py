@@ -55,7 +55,7 @@ class QuarterCar:
     tyre_N_m: float = 200e3
 
     def transition(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return A, b and c of the exact time step z <- A z + b F + c x_r'; F and x_r' are constant in it."""
+        """Return A, b, c of the step z <- A z + b F + c x_r', exact for constant F, x_r'."""
         system = np.zeros((6, 6))
         system[0, 1], system[0, 3], system[2, 3], system[2, 5] = 1.0, -1.0, 1.0, -1.0
         system[1, 0], system[1, 4] = -self.spring_N_m / self.body_kg, -1.0 / self.body_kg
@@ -77,7 +77,7 @@ class Ride:
 
 
 def drive(car: QuarterCar, damper: Damper, road: Road, duration_s: float = 20.0) -> Ride:
-    """Drive a road from rest; the damper's force is held during each step."""
+    """Drive a road from rest; the damper force is constant during each time step."""
     count = round(duration_s / STEP_S)
     heights = road.displacement(STEP_S * np.arange(count + 1))
     road_speed = np.diff(heights) / STEP_S
@@ -112,8 +112,8 @@ def card_damper(
 ) -> Damper:
     """Return the damper of a card with a controller. If the controller is None, the current is zero.
 
-    The road ahead is unknown. The best estimate of the future target force follows from the free motion of
-    the car during the preview of the controller.
+    The controller needs the target force a short time ahead (preview). The road ahead is unknown. Therefore
+    this force is predicted by the motion of the car without damper force and road excitation.
     """
     kelvin = temperature_degC + ZERO_CELSIUS_K
     model = realtime_model(card, period_s=STEP_S, speed_m_s=SPEED_MAX_M_S)

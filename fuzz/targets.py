@@ -32,7 +32,7 @@ from tests.support.cards import DAMPERS, card_of
 
 MESSAGE_MAX_CHARACTERS = 1_000_000
 COLUMN_MAX_SAMPLES = 1 << 16  # Longer columns are not read here because that takes too long.
-EDIT_MARK = b"\x01"  # After this first byte, the input is a list of edits of a valid document.
+EDIT_MARK = b"\x01"  # An input with this first byte is a list of changes of a valid document.
 ODD_VALUES: tuple[Any, ...] = (
     0, -1, 1, True, 0.0, -0.0, 1e-300, 1e300, math.inf, -math.inf, math.nan, 1 << 63, 10**400, 0.5, 293.15,
     "", "A", "\0", "é", "\ud800", "../..", "mm", "nan", "x" * 300, [], {}, [[]], {"a": 1}, [2.0, 1.0],

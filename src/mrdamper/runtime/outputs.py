@@ -31,20 +31,17 @@ fcntl: Any
 msvcrt: Any
 try:
     import fcntl
-except ImportError:  # Windows
+except ImportError:  # Windows has no fcntl.
     fcntl = None
 try:
     import msvcrt
-except ImportError:  # all systems except Windows
+except ImportError:  # Only Windows has msvcrt.
     msvcrt = None
 
 
 _PREFIX = ".mrdamper-"
-_FILES, _WHOLE, _TO = (
-    "files",
-    "whole",
-    "to",
-)  # names in the hidden folder: incomplete files, complete files, text file with the final path
+# The hidden folder contains a folder of incomplete or of complete files, and a text file with the final path.
+_FILES, _WHOLE, _TO = "files", "whole", "to"
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 _FLUSHING = 8  # number of files that are flushed to disk in parallel
@@ -73,9 +70,10 @@ def lock(handle: int) -> bool | None:
 
 @contextmanager
 def atomic_output(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Path]:
-    """Provide a temporary folder for a ``with`` block, and move the files into ``out`` at the end.
+    """Provide a temporary folder in a ``with`` statement; move its files to ``out``.
 
-    If the block raises an exception, the temporary folder is removed and ``out`` is unchanged.
+    If the code in the ``with`` statement raises an exception, the temporary folder is removed. ``out`` is
+    then unchanged.
 
     Parameters
     ----------
@@ -113,7 +111,7 @@ def atomic_output(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Path]:
         try:
             yield beside
         except (OSError, InputError) as fault:
-            # The block may already have converted the OSError to an InputError.
+            # The caller may already have converted an OSError to an InputError.
             cause = fault if isinstance(fault, OSError) else fault.__cause__
             if isinstance(cause, OSError) and no_room(cause) and _is_ours(cause, hidden):
                 raise _cannot(out, standing, cause, hidden) from fault
@@ -163,7 +161,7 @@ def refuse_inputs(targets: Iterable[Path], inputs: Iterable[Path]) -> None:
 
 
 def _identity(path: Path) -> object:
-    """Return a key of a file that is equal for all its names and links."""
+    """Return a key that is equal for all names of a file, including links."""
     try:
         found = path.stat()
     except OSError:  # The file does not exist yet.
@@ -186,7 +184,7 @@ def recover_staging(folder: Path) -> None:
 
 
 def no_room(fault: OSError) -> str:
-    """Return the message if a file cannot be written (disk, size or permission); empty for other faults."""
+    """Return a message if disk, file size or permission prevents writing; else ""."""
     if fault.errno in _FULL:
         return "the disk is full"
     if fault.errno == errno.EFBIG:
@@ -197,7 +195,7 @@ def no_room(fault: OSError) -> str:
 
 
 def _hidden_in(folder: Path) -> tuple[Path, int]:
-    """Create a hidden folder and lock it; return its path and the open handle that holds the lock."""
+    """Create and lock a hidden folder; return its path and its open file descriptor."""
     while True:
         hidden = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=folder))
         try:
@@ -259,7 +257,8 @@ def _move(whole: Path, place: Path) -> None:
 
 
 def _is_ours(fault: OSError, hidden: Path) -> bool:
-    """Return True if an error concerns an output file of the job. Write errors have no file name."""
+    """Return True if an error concerns an output file of the job."""
+    # An error without a file name occurred in a write to an open file.
     return fault.filename is None or Path(os.fsdecode(fault.filename)).is_relative_to(hidden)
 
 

@@ -4,11 +4,11 @@
 >>> list(Pool(2).map(abs, [-1, 2, -3]))
 [1, 2, 3]
 
-On Linux, processes are forks of the present process and share its memory. Therefore the function can be a
-closure, and its inputs are not copied. Only the results are pickled and sent back. Changes of memory in a
-fork are lost. If the function mostly runs without the global interpreter lock (C kernel, linear algebra),
-``threads`` can be used, which start faster than processes. Other operating systems cannot fork safely and
-always use threads.
+On Linux, the processes are forks of the calling process. A fork sees the memory of the calling process.
+Therefore the function can be a closure, and its inputs are not copied. The results are pickled and sent back.
+Other changes of memory in a fork are lost. Threads start faster than processes. Use ``threads`` if the
+function mostly runs without the global interpreter lock (C kernel, linear algebra). Operating systems other
+than Linux always use threads, because they cannot fork safely.
 
 The results do not depend on the number of jobs if the result for an item depends only on this item. A nested
 call of ``map`` runs serially.
@@ -32,7 +32,7 @@ from typing import Any, TypeVar
 
 try:
     import resource
-except ImportError:  # Windows
+except ImportError:  # Windows has no module resource.
     resource = None  # type: ignore[assignment]
 
 Item = TypeVar("Item")
@@ -41,7 +41,7 @@ Found = TypeVar("Found")
 _CAN_FORK = sys.platform == "linux"
 _PR_SET_PDEATHSIG = 1
 _INSIDE: ContextVar[bool] = ContextVar("inside the work of a pool", default=False)
-_shared: list[Any] = []  # function and items, in a process of the pool
+_shared: list[Any] = []  # in a process of the pool: the arguments ``shared`` of ``process_pool``
 
 
 def usable_cores() -> int:
@@ -99,9 +99,10 @@ ONE_CORE = Pool(1)
 
 @contextmanager
 def process_pool(count: int, *shared: object) -> Iterator[ProcessPoolExecutor]:
-    """Open a pool of processes for a ``with`` block; kill the processes if the block raises an exception.
+    """Open a pool of processes for a ``with`` statement.
 
-    The objects ``shared`` are available in the processes as the list ``_shared``.
+    The processes are killed if the code in the ``with`` statement raises an exception. They find the objects
+    ``shared`` in the list ``_shared``.
     """
     executor = ProcessPoolExecutor(
         count,
@@ -121,7 +122,7 @@ def process_pool(count: int, *shared: object) -> Iterator[ProcessPoolExecutor]:
 
 
 def _begin_process(*shared: object) -> None:
-    """Prepare a process of a pool: ignore signals, which the parent handles, and end with the parent."""
+    """Ignore signals that the parent handles, and request a kill when the parent ends."""
     _INSIDE.set(True)
     _shared[:] = shared
     for each in (signal.SIGINT, signal.SIGTERM):
@@ -152,7 +153,7 @@ def _by_threads(
     work: Callable[[Item], Found], items: Sequence[Item], count: int
 ) -> Generator[Found, None, None]:
     def inside(item: Item) -> Found:
-        _INSIDE.set(True)  # Each thread has its own context variables.
+        _INSIDE.set(True)  # set in each thread, because a new thread has the default value
         return work(item)
 
     executor = ThreadPoolExecutor(count)
