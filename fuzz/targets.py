@@ -68,7 +68,7 @@ def require(condition: object, fault: str) -> None:
 
 @contextmanager
 def expecting_named_error(name: str) -> Iterator[None]:
-    """Suppress an error of the package if its message is short enough and names the file."""
+    """Accept an error of the package if the message is short and names the file."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
         try:
@@ -144,7 +144,7 @@ def card_documents() -> list[dict[str, Any]]:
 
 
 def edited(documents: Sequence[dict[str, Any]], content: bytes) -> dict[str, Any]:
-    """Return one of the documents with the edits that the bytes encode."""
+    """Change one of the valid documents; the bytes of an input encode the changes."""
     choices = iter(content)
     document = copy.deepcopy(documents[next(choices, 0) % len(documents)])
     for edit in choices:

@@ -4,8 +4,8 @@
 >>> fit = mrdamper.fit({"0 A": frame, "1 A": another})  # frames, or files and folders  # doctest: +SKIP
 >>> fit.plot(), fit.card().heat("paper"), fit.card().export(c="controller")  # doctest: +SKIP
 
-The objects behind the names are loaded on first use: ``import mrdamper`` and ``mrdamper --help`` do not load
-NumPy.
+The functions and classes are loaded on first use. Therefore ``import mrdamper`` and ``mrdamper --help`` do
+not load NumPy.
 """
 
 # ruff: noqa: PLR0913

@@ -1,4 +1,4 @@
-"""Array types, and functions that convert an array to a read-only value."""
+"""Array types, read-only arrays, and small functions for matrices and grouping."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ ROAD_ROUGHNESS: Mapping[str, float] = MappingProxyType(
 """Roughness Gd(n0) of the ISO 8608 classes at n0 = 0.1 cycles/m [m^3], the geometric mean of each class."""
 
 _REFERENCE_WAVENUMBER = 0.1  # n0 of ISO 8608 [cycles/m]
-_FINEST_WAVENUMBER = 2.83  # end of the range of ISO 8608 [cycles/m]
+_FINEST_WAVENUMBER = 2.83  # largest wavenumber in ISO 8608 [cycles/m]
 _TONE_COUNT = 480
 
 
@@ -47,7 +47,7 @@ class Trajectory:
     velocity: FloatArray  # [m/s]
     acceleration: FloatArray  # [m/s^2]
     command: FloatArray  # [A or V]
-    dead_band: float = 0.0  # smaller reversals of the motion are ignored [m]
+    dead_band: float = 0.0  # max reversal of the motion that a model ignores as noise [m]
     temperature: FloatArray | None = None  # [K]
 
     def __post_init__(self) -> None:
@@ -83,7 +83,7 @@ class Trajectory:
         return len(self.displacement)
 
     def part(self, samples: slice) -> Trajectory:
-        """Return the trajectory of a slice of the samples; the step of the slice multiplies the time step."""
+        """Return a part of the trajectory. A slice with a step has a longer time step."""
         return replace(
             self,
             step=self.step * (samples.step or 1),
@@ -212,8 +212,8 @@ class Harmonics:
 class Triangle:
     """Constant speed between +A and -A, starting at zero in extension; the period is 4 A / speed.
 
-    The acceleration is zero because the impulses at the turning points are not sampled. The velocity at a
-    turning point is the velocity of the following stroke.
+    The acceleration is zero, because the infinite acceleration at the turning points is ignored. The velocity
+    at a turning point is the velocity after this point.
     """
 
     amplitude: Positive  # A [m]
@@ -315,11 +315,11 @@ class RandomMotion(_Tones):
 
 @dataclass(frozen=True, slots=True)
 class RandomCurrent:
-    """A commanded current with random levels, each held for a random time; reproducible by its seed.
+    """A piecewise constant current with random values and durations.
 
-    Levels are uniformly distributed between zero and the highest level, with a twelfth of the levels at
-    either end. Holding times are log-uniform. Only runs with changing current show whether a hysteresis law
-    is correct while the current changes.
+    The current is uniformly distributed between zero and ``highest``. A twelfth of the values is zero and a
+    twelfth is ``highest``. Durations are log-uniform. Only runs with changing current show whether a
+    hysteresis model is correct while the current changes.
     """
 
     highest: Annotated[float, Option(key="highest_A", unit="A", above=0.0)] = 2.0
@@ -345,16 +345,16 @@ class RandomCurrent:
         level, hold = np.random.default_rng(self.seed).uniform(size=(most, 2)).T
         levels = self.highest * np.clip(1.2 * level - 0.1, 0.0, 1.0)
         ends = np.cumsum(self.shortest * (self.longest / self.shortest) ** hold)
-        # A sample at the time of a switch can be earlier because of rounding.
+        # 1e-9: a rounded sample time can be slightly before the time of a switch.
         current: FloatArray = levels[np.searchsorted(ends, time + 1e-9, side="right")]
         return current
 
 
 @dataclass(frozen=True, slots=True)
 class CurrentSteps:
-    """A commanded current that is held at each of its levels in turn.
+    """A current that has each of the values ``levels`` for the time ``hold``.
 
-    The first level also applies before the start, and the last level after the end.
+    Before this sequence, the current is the first level; after this sequence, the last level.
     """
 
     levels: Annotated[tuple[float, ...], Option(key="levels_A", least_items=1)]
@@ -377,8 +377,8 @@ class CurrentSteps:
         return self.hold * np.arange(1.0, len(self.levels))
 
     def current(self, t: ArrayLike) -> FloatArray:
-        """Return the commanded current [A]; at a switch the current of the new level."""
-        # A sample at the time of a switch can be earlier because of rounding.
+        """Return the current [A]; at the time of a switch, the current after the switch."""
+        # 1e-9: a rounded sample time can be slightly before the time of a switch.
         position = np.asarray(t, dtype=np.float64) / self.hold + 1e-9
         level = np.clip(np.floor(position), 0, len(self.levels) - 1).astype(np.intp)
         return np.asarray(self.levels, dtype=np.float64)[level]
@@ -494,7 +494,7 @@ def drive(
     command: ArrayLike,
     temperature: ArrayLike | None = None,
 ) -> Trajectory:
-    """Return the trajectory of a motion, sampled from t = 0 to ``duration``, both ends included.
+    """Return the trajectory of a motion, sampled from t = 0 to ``duration`` inclusive.
 
     Parameters
     ----------

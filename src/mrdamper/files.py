@@ -112,7 +112,7 @@ def read_toml(path: str | Path, what: str) -> dict[str, Any]:
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Return the document in a TOML text. The caller adds the place to errors."""
+    """Return the document in a TOML text. The caller adds the file name to errors."""
     try:
         document = tomllib.loads(text)
         _require_whole_numbers(document)
@@ -175,5 +175,5 @@ def _toml_value(value: object) -> str:
         if not math.isfinite(value):
             return "nan" if math.isnan(value) else f"{value:+}"
         short = f"{value + 0.0:.12g}"  # "-0" would be read as the integer 0
-        return short if float(short) == value else repr(value)  # The text must read back as this number.
+        return short if float(short) == value else repr(value)  # Reading the text must return the same value.
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # DEL is invalid in TOML.

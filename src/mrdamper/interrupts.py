@@ -30,21 +30,24 @@ def heed_interrupts() -> None:
 
 
 def interrupts_end_at_once() -> None:
-    """End the program silently at the next interrupt. This is called when all work is finished."""
+    """Let the next interrupt end the program silently, because all work is finished."""
     for each in _heeded():
         signal.signal(each, signal.SIG_DFL)
 
 
 @contextmanager
 def on_interrupt(act: Callable[[], None]) -> Iterator[None]:
-    """Call ``act`` if an interrupt occurs during the ``with`` block; no effect outside the main thread."""
+    """Call ``act`` at interrupts in a ``with`` statement (only in the main thread)."""
     with _handled_by(lambda _number: act()):
         yield
 
 
 @contextmanager
 def hold_interrupts() -> Iterator[None]:
-    """Delay an interrupt to the end of the block, because a library in the block can lose its exception."""
+    """Delay an interrupt until the ``with`` statement ends.
+
+    Otherwise a library in the ``with`` statement can lose the KeyboardInterrupt.
+    """
     received: list[int] = []
     try:
         with _handled_by(received.append):
@@ -56,7 +59,7 @@ def hold_interrupts() -> Iterator[None]:
 
 @contextmanager
 def interrupt_ends_all() -> Iterator[None]:
-    """Raise ``Interrupted`` if an interrupt occurs during the ``with`` block."""
+    """Raise ``Interrupted`` at interrupts in a ``with`` statement."""
 
     def stop() -> None:
         raise Interrupted
@@ -67,7 +70,7 @@ def interrupt_ends_all() -> Iterator[None]:
 
 @contextmanager
 def _handled_by(handle: Callable[[int], None]) -> Iterator[None]:
-    """Call ``handle`` with the number of each interrupt inside the block (in the main thread only)."""
+    """Call ``handle`` with the signal number at interrupts in a ``with`` statement."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -36,8 +36,8 @@ class Quantity:
     """A quantity in a channel of a rig file.
 
     ``low`` and ``high`` are the plausible range [SI] for a damper on a rig. Values outside this range are due
-    to a wrong unit or a failed sensor. ``headers`` are names of the role in a file header (words in any case,
-    single letters exactly). ``units`` are listed in messages.
+    to a wrong unit or a failed sensor. ``headers`` are names of the quantity in column headers. Upper and
+    lower case are distinguished only in names of one letter. ``units`` are listed in messages.
     """
 
     role: str
@@ -129,8 +129,8 @@ _SPELLINGS: Mapping[str, str] = MappingProxyType(
         "кгс": "kgf", "а": "A", "в": "V", "°с": "degC",
     }
 )  # fmt: skip
-# Spellings that are unambiguous only if the role is known: upper and lower case variants, and letters that
-# are a different unit for a different role. MS and MA have no entry because M can mean mega.
+# Spellings that are ambiguous without the role (quantity) of the column. For example, F is degF for a
+# temperature only. MS and MA have no entry because M can mean mega.
 _SPELLINGS_OF_ROLE: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {
         "time": {"S": "s", "SEC": "s", "мс": "ms"},
@@ -171,7 +171,7 @@ _FREQUENT_UNITS: Mapping[tuple[str, str], tuple[float, float]] = MappingProxyTyp
         ("force", "lbf"): (4.4482216152605005, 0.0),
     }
 )
-# Units of other channels on rigs. They belong to no role, and Pint is not required to recognise them.
+# Units of quantities without a role, such as pressure. They are recognised without loading Pint.
 _UNITS_WITHOUT_ROLE = frozenset(
     {
         "-",
@@ -230,11 +230,13 @@ _ROLE_OF: Mapping[str, str] = MappingProxyType(
     {unit: quantity.role for quantity in _TABLE for unit in (quantity.unit, *quantity.units)}
 )
 _UNIT = re.compile(r"[\w\s°℃%/*^·².+()-]{1,32}")  # Longer texts and other characters are not units.
-_POWER = re.compile(r"(?<=\w)\s*(?:\*\*|\^)\s*-?\d(?![\w.]|\s*(?:\*\*|\^))")  # a one-digit power of a name
+_POWER = re.compile(
+    r"(?<=\w)\s*(?:\*\*|\^)\s*-?\d(?![\w.]|\s*(?:\*\*|\^))"
+)  # exponent of one digit, such as s**2 or m^-1
 
 
 def find_quantity(role: str) -> Quantity:
-    """Return the quantity of a role; raise InputError with the known roles if it is unknown."""
+    """Return the quantity of a role; raise InputError if the role is unknown."""
     if role not in QUANTITIES:
         raise InputError(f"{role!r} is not a role of a channel", expected=f"one of: {', '.join(QUANTITIES)}")
     return QUANTITIES[role]
@@ -316,7 +318,7 @@ def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
 
 @cache
 def roles_of_unit(unit: str) -> tuple[str, ...]:
-    """Return the roles that may have a unit, typically one; empty if the text is not a unit of a channel."""
+    """Return the roles for which a unit is valid, typically one; else an empty tuple."""
     if not unit or unit.strip("[]() ").lower() in _UNITS_WITHOUT_ROLE:
         return ()
     roles_without_pint = tuple(role for role in QUANTITIES if _is_frequent(spell_unit(unit, role), role))
@@ -324,7 +326,9 @@ def roles_of_unit(unit: str) -> tuple[str, ...]:
         return roles_without_pint
     bare = unit.strip("[]() ")
     named = _HEADER_WORDS.intersection((bare.lower(), *re.split(r"[\s_.-]", bare.lower(), maxsplit=1)[:1]))
-    likely = _LIKELY_UNIT.fullmatch(bare) is not None and not named  # Names (time_s, force) are no units.
+    likely = (
+        _LIKELY_UNIT.fullmatch(bare) is not None and not named
+    )  # time_s and force are column names, not units.
     return tuple(role for role in QUANTITIES if is_unit(unit, [role])) if likely else ()
 
 

@@ -1,6 +1,6 @@
-"""Results of jobs: a summary, a picture, a table and files.
+"""Base classes of the results of jobs: summary, picture, table and output files.
 
-Modules of reports are imported when a result is displayed, because jobs do not depend on them.
+The modules that create reports are imported when a result is displayed, because jobs do not need them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Picture:
     """Base class of values with a picture, which notebooks display."""
 
     __slots__ = ()
-    _picture: ClassVar[str]  # module:function that draws the value
+    _picture: ClassVar[str]  # function that draws the value, as ``module:function``
 
     def plot(self) -> Figure:
         """Return the picture as a Matplotlib figure.

@@ -41,7 +41,7 @@ Found = TypeVar("Found")
 _CAN_FORK = sys.platform == "linux"
 _PR_SET_PDEATHSIG = 1
 _INSIDE: ContextVar[bool] = ContextVar("inside the work of a pool", default=False)
-_shared: list[Any] = []  # in a process of the pool: the arguments ``shared`` of ``process_pool``
+_shared: list[Any] = []  # arguments ``shared`` of ``process_pool``, in each process of the pool
 
 
 def usable_cores() -> int:

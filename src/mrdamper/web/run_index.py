@@ -88,7 +88,7 @@ class RunIndex:
     def __init__(self, folder: WorkFolder, formats: tuple[str, ...]) -> None:
         self._folder, self._formats = folder, formats
         self._queries = QueryLine()
-        self._contents: dict[str, _Contents] = {}  # by cache key
+        self._contents: dict[str, _Contents] = {}  # The keys are cache keys.
         self._pending: dict[str, asyncio.Task[None]] = {}
         self.changes = 0
 
