@@ -69,9 +69,9 @@ class MrdamperError(Exception):
         return f"{message}{mark}{self.remedy}" if self.remedy else message
 
     def prepend_place(self, place: str | PurePath) -> Self:
-        """Return this error with a place in front of its place, such as the file in front of the field.
+        """Return a copy of the error with a more complete place, such as "file: field".
 
-        The place is not repeated if the error's place already begins with it.
+        If the place of the error already begins with ``place``, the place is not changed.
         """
         moved = copy.copy(self)
         moved.faults = tuple(fault.prepend_place(place) for fault in self.faults)
@@ -111,7 +111,7 @@ class EnvelopeError(InputError):
 class EnvelopeWarning(UserWarning):
     """A model card or a fluid is used outside its identified range. The value is still returned.
 
-    ``warnings.warn`` issues the warning once per use, with value and range.
+    The warning states value and range. Each use of the model outside the range causes one warning.
     """
 
 
@@ -122,8 +122,8 @@ class MissingExtraError(InputError):
     def for_package(cls, what: str, package: str, extra: str) -> Self:
         """Return the error for a ``package`` that is not installed.
 
-        ``what`` names the function that requires it, such as "the genetic algorithm". ``extra`` is the
-        optional part of mrdamper that installs it.
+        ``what`` describes the feature that requires the package, such as "the genetic algorithm". ``extra``
+        is the name in ``pip install mrdamper[extra]``, which installs the package.
         """
         return cls(f"{package} is not installed", place=what, remedy=f"pip install 'mrdamper[{extra}]'")
 

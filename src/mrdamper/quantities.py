@@ -230,9 +230,8 @@ _ROLE_OF: Mapping[str, str] = MappingProxyType(
     {unit: quantity.role for quantity in _TABLE for unit in (quantity.unit, *quantity.units)}
 )
 _UNIT = re.compile(r"[\w\s°℃%/*^·².+()-]{1,32}")  # Longer texts and other characters are not units.
-_POWER = re.compile(
-    r"(?<=\w)\s*(?:\*\*|\^)\s*-?\d(?![\w.]|\s*(?:\*\*|\^))"
-)  # exponent of one digit, such as s**2 or m^-1
+# Exponent of one digit, such as s**2 or m^-1.
+_POWER = re.compile(r"(?<=\w)\s*(?:\*\*|\^)\s*-?\d(?![\w.]|\s*(?:\*\*|\^))")
 
 
 def find_quantity(role: str) -> Quantity:
@@ -326,9 +325,8 @@ def roles_of_unit(unit: str) -> tuple[str, ...]:
         return roles_without_pint
     bare = unit.strip("[]() ")
     named = _HEADER_WORDS.intersection((bare.lower(), *re.split(r"[\s_.-]", bare.lower(), maxsplit=1)[:1]))
-    likely = (
-        _LIKELY_UNIT.fullmatch(bare) is not None and not named
-    )  # time_s and force are column names, not units.
+    # Column names such as time_s and force are not units.
+    likely = _LIKELY_UNIT.fullmatch(bare) is not None and not named
     return tuple(role for role in QUANTITIES if is_unit(unit, [role])) if likely else ()
 
 

@@ -1,4 +1,4 @@
-"""Records: one declaration for reading, checking, writing and describing TOML, JSON, options and requests.
+"""Records: data classes that define the content of TOML, JSON, options, requests.
 
 A record is a frozen dataclass. The type of a field defines its values. An ``Option`` adds unit and range. The
 text below a field is its help::
@@ -46,9 +46,9 @@ Json = dict[str, Any]
 
 Record = TypeVar("Record")
 
-_SHOWN_NAMES_MAX = 40  # known names in one message
-_VALUE_LENGTH_MAX = 60  # characters of a value in a message
-_UNIT_HINTS = {"m/s": "A speed in km/h is 1/3.6 of it in m/s"}  # hints for typical unit errors
+_SHOWN_NAMES_MAX = 40  # max number of known names in one message
+_VALUE_LENGTH_MAX = 60  # max number of characters of a value in a message
+_UNIT_HINTS = {"m/s": "A speed in km/h is 1/3.6 of it in m/s"}  # unit: hint in messages about this unit
 _SCALES = {"mm": 1e-3, "g": 1e-3, "ms": 1e-3, "percent": 1e-2, "kN": 1e3, "min": 60.0}
 MORE = "More"  # heading of the fields that are rarely changed
 _WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", Path: "a path"}
@@ -56,20 +56,20 @@ _WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: 
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """Properties of a field beyond its type: help, unit, range, and its name in each interface.
+    """Properties of a field in addition to its type, such as help, unit and range.
 
     The range includes ``least`` and ``most``, and excludes ``above`` and ``below``. These limits are in
-    ``unit``. The options of one annotation are merged, so that a field can extend a shared type. The last
-    option decides.
+    ``unit``. If an annotation contains several options, the options are merged. If two options define the
+    same property, the last option decides. Therefore a field can extend a shared type.
     """
 
-    help: str = ""  # if there is no text below the field
+    help: str = ""  # help text, used if there is no text below the field
     unit: str = ""
     least: float | None = None
     most: float | None = None
     above: float | None = None
     below: float | None = None
-    key: str = ""  # key in files and requests if it differs from the name; with a unit the field is in SI
+    key: str = ""  # name in files and requests if different from the field; with ``unit``, the field is in SI
     flag: str = ""  # option of the command line if it is not --field-name; "-" hides the field there
     metavar: str = ""
     among: Callable[[], Iterable[str]] | None = None  # choices that are determined at run time
@@ -78,15 +78,15 @@ class Option:
     expected: str = ""  # expected value in messages; empty: derived from type, unit and range
     most_items: int | None = None
     least_items: int | None = None
-    # Inputs and outputs of jobs:
-    read: str = ""  # module:function that reads a path or preset; empty: the job gets the value unchanged
+    # The next properties apply only to inputs and outputs of jobs.
+    read: str = ""  # function that reads a path or preset, as ``module:function``; empty: value unchanged
     reading: tuple[str, ...] = ()  # names of the options for reading, which are keyword arguments of ``read``
     argument: bool = False  # positional argument of the command line
     output: bool = False  # path of an output
-    local: bool = False  # Servers have no such field, because it can execute code.
-    # Properties of the field in a web form:
+    local: bool = False  # True: missing in requests to a server, because the field can execute code
+    # The next properties apply only to web forms.
     label: str = ""  # empty: derived from the name
-    group: str = ""  # heading of the field; empty: above all headings
+    group: str = ""  # heading above the field; empty: the field is above the first heading
     titles: tuple[str, ...] = ()  # labels of the choices, in their order
     begins: Any = None  # initial value in the form if it differs from the default
     offers: str = ""  # group of proposed names (``jobs.previews.choices``)
@@ -94,7 +94,7 @@ class Option:
     files: str = ".toml"  # suffix of selectable inputs
     looks: tuple[str, ...] = ()  # accepted kinds of input files (``jobs.previews.choices``)
     word: str = ""  # name of the kind of input, such as "card"
-    part: str = ""  # The field enables this part of the geometry file. It is locked if the part is missing.
+    part: str = ""  # part of the geometry file that the field enables; the field is locked without the part
 
     __is_annotated_types_grouped_metadata__: ClassVar[Literal[True]] = True
 
@@ -169,14 +169,14 @@ class Field:
 
     name: str
     key: str
-    type: Any  # type without None and Annotated
+    type: Any  # such as float for ``Annotated[float | None, Option()]``
     optional: bool  # None is allowed
     default: Any  # dataclasses.MISSING if the field is required
     option: Option
     record: type
     many: bool  # The field is a list.
-    item: Any  # type of one value: of the items if the field is a list
-    item_option: Option  # option of one value
+    item: Any  # type of the items if the field is a list, otherwise ``type``
+    item_option: Option  # option of the items if the field is a list, otherwise ``option``
 
     @property
     def required(self) -> bool:
@@ -227,7 +227,7 @@ class Field:
 
 @cache
 def _field_texts(module: str) -> dict[tuple[str, str], str]:
-    """Return the strings below the fields of the classes in a module, by names of class and field."""
+    """Return the text below each field in a module, by names of class and field."""
     classes = ast.parse(inspect.getsource(sys.modules[module])).body
     return {
         (each.name, field.target.id): " ".join(text.value.value.split())
@@ -252,7 +252,7 @@ def class_fields_of(record: Any) -> tuple[Field, ...]:  # noqa: ANN401 - a datac
 
 @cache
 def _declared(record: Any) -> tuple[tuple[Field, ...], tuple[Field, ...]]:  # noqa: ANN401
-    # Use the names of the module because a lambda in an annotation uses these names when it is called.
+    # Annotations are evaluated in the namespace of the module, because they can contain lambda functions.
     names: dict[str, Any] = {}
     for base in reversed(record.__mro__):
         names |= vars(sys.modules[base.__module__])
@@ -358,7 +358,7 @@ def _fault(record: type, fault: Mapping[str, Any], place: str) -> MrdamperError:
         return error
     _, field = _locate(record, location)
     expected, remedy = str(message).removeprefix("Input should be "), ""
-    if field is not None:  # The location is an item if the field is a list.
+    if field is not None:  # ``location`` is the whole field, or an item of a list.
         expected = field.words if last == field.key else field.item_words
         remedy = field.option.remedy
     if kind.startswith("missing"):
@@ -369,7 +369,7 @@ def _fault(record: type, fault: Mapping[str, Any], place: str) -> MrdamperError:
 
 
 def _locate(record: type, place: Sequence[int | str]) -> tuple[tuple[Field, ...], Field | None]:
-    """Return the known fields at a location in a document, and the innermost field that contains it."""
+    """Return the fields of the table at a location, and the field at the location."""
     known, field = fields_of(record), None
     for part in place:
         inner = next((each for each in known if each.key == part), None)
@@ -433,8 +433,8 @@ def check_ranges(record: object, place: str) -> None:
 def write_record(record: object, *, defaults: bool = False, nulls: bool = False) -> Json:
     """Return a record as a document for ``read_record``.
 
-    Fields with None are omitted unless ``nulls`` (null in JSON). Fields with their default are omitted
-    unless ``defaults``.
+    Fields with their default value are written only if ``defaults`` is True. Fields with the value None are
+    written only if ``nulls`` is True (null in JSON).
     """
     omitted = {"exclude_defaults": not defaults, "exclude_none": not nulls}
     table: Json = _adapter(typing.cast("Any", type(record))).dump_python(

@@ -62,7 +62,7 @@ def _limit_libraries_to_one_thread() -> None:
 
 
 def _interruption_message(error: BaseException) -> str:
-    """Return the message after an interrupt: files written so far, notes of all chained exceptions."""
+    """Return the message after an interrupt: written files, and notes of exceptions."""
     from mrdamper.runtime.outputs import output_folders
 
     paths = ", ".join(dict.fromkeys(map(str, output_folders())))
@@ -101,7 +101,7 @@ def _resource_message(error: Exception) -> str:
     path = error.filename
     if path is None:
         path = "standard output or a temporary file"
-        with suppress(OSError):  # Otherwise Python would flush the stream again at exit and fail again.
+        with suppress(OSError):  # prevents a second error when Python flushes the stream at exit
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return f"{path}: {reason}; free some space, or write to another folder"
 

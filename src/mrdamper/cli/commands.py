@@ -203,7 +203,7 @@ def _parameter(field: Field) -> click.Parameter:
 
 
 def _time(text: str) -> float:
-    """Return the seconds of a time such as 1ms, 500us or 0.001s."""
+    """Convert a text such as 1ms, 500us or 0.001s to seconds."""
     from mrdamper.excitation import measure
 
     try:

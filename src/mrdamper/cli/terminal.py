@@ -25,11 +25,12 @@ FILE_WIDTH = 110  # width of tables if the output is a file, which has no window
 
 
 def answer_questions(source: object, given: Mapping[str, Any], *, as_json: bool) -> tuple[str, ...]:
-    """Prompt for answers to the open questions; return the answers in the syntax of ``--answer``.
+    """Ask the user for missing information about input files (units, columns, ...).
 
-    If the command runs in a script or has no option ``--answer``, there is no prompt. An empty line leaves a
-    question open. A question that has been answered is not repeated. With ``--json``, the questions of an
-    exception are printed in the format of ``check --json``.
+    Return the answers in the syntax of the option ``--answer``. If the command runs in a script or has no
+    such option, there is no prompt. If the user enters an empty line, the question has no answer. An answered
+    question is not repeated. With ``--json``, the questions of an exception are printed in the format of
+    ``check --json``.
 
     Parameters
     ----------
@@ -57,7 +58,7 @@ def answer_questions(source: object, given: Mapping[str, Any], *, as_json: bool)
 
 @contextmanager
 def progress_line(word: str = "run", *, ctrl_c: str) -> Iterator[Progress]:
-    """Generate one function that displays the progress of a job, for a with statement.
+    """Provide a function that displays the progress of a job, in a ``with`` statement.
 
     If there is no terminal, the function does nothing.
 

@@ -1,9 +1,9 @@
 """Inputs, options and outputs of every job: one class for each job, and one declaration for all interfaces.
 
-Commands and their help, requests and forms of the server, Python functions and tables of the documentation
+Commands with their help, web forms, requests to the server, Python functions and tables of the documentation
 are generated from these classes. The text below a field is its help. The class of the job ``heat`` is
-``HeatOptions``. Its class variables are the inputs and outputs of the job, its fields are the options. A job
-without options gets no argument ``options``.
+``HeatOptions``. Class variables are the inputs and outputs of the job, fields are its options. If a class has
+no fields, the function of the job has no argument ``options``.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ _EXPORTS = (
 
 
 def _input(word: str, read: str, metavar: str, *places: str, **more: Any) -> Option:  # noqa: ANN401
-    """Return the option of an input: kind, reader, placeholder, and folders of the input files.
+    """Return the properties of a job input of the kind ``word``.
 
-    The reader is a function of this package. In the folder ``inputs``, which is the default, a form offers
-    the files that look like the kind.
+    ``read`` is the function that reads the file, as ``module:function`` in this package. A web form offers
+    the files in the folders ``places``, but in the folder ``inputs`` only the files of this kind.
     """
     places = places or ("inputs",)
     looks = (word,) if "inputs" in places else ()
     return Option(word=word, read=f"mrdamper.{read}", metavar=metavar, places=places, looks=looks, **more)
 
 
-# Kinds of inputs
+# Properties of the inputs, by kind of input.
 _CARD = _input("card", "models.card_schema:read_card", "CARD", "cards")
 _RECORD = _input("record", "data.readers:read_file", "RECORD", "records", "runs")
 _FLUID = _input("fluid", "models.fluids.fluid_file:find_fluid", "PRESET|FILE", offers="fluids")
@@ -61,7 +61,7 @@ _PATHS = Option(metavar="PATH...", argument=True, key="files", places=("runs",),
 _FILES = Option(read="mrdamper.jobs.inputs:read_files", reading=("channels", "answer"))
 _LAW_READING = Option(read="mrdamper.jobs.inputs:read_card_of_law", reading=("law",))
 
-# Properties of the inputs of single jobs
+# Additional properties for the inputs of single jobs.
 _ONE_FLUID = Option(default_help="none", label="Fluid, if the runs have one temperature")
 _TARGETS = Option(flag="--target", default_help="all", begins=("sine-900N-1Hz",), most_items=20)
 _THERMAL_MODEL = Option(default_help="no thermal model", label="Geometry file for the thermal model")
@@ -70,7 +70,7 @@ _DRAWINGS = Option(read="mrdamper.jobs.sweep.plan:read_drawings", word="geometry
 _ANY_SINK = Option(looks=("sink", "geometry"), group=MORE, default_help="the heat sink of the geometry file")
 _TABLES = Option(argument=True, most_items=20, looks=("rheometer",), label="Rheometer tables")
 
-# Inputs, outputs and options of several jobs
+# Types of inputs, outputs and options that several jobs have in common.
 Card = Annotated[Path, _CARD, Option("Read this model card.", argument=True)]
 CardOfAnyLaw = Annotated[Card, _LAW_READING]
 Runs = Annotated[
@@ -122,7 +122,7 @@ Term = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """Options for reading inputs. The declaration of each input names the options that its reader accepts."""
+    """Options for reading inputs. Each input lists the accepted options as ``reading``."""
 
     law: Annotated[str | None, Option(metavar="FILE.py:CLASS", local=True)] = None
     """Load this Python class if the card was fitted with your own hysteresis model."""
@@ -367,7 +367,7 @@ class HeatOptions(HeatingInputs):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeatsinkOptions(HeatingInputs):
-    """Inputs and options of ``heatsink``. Default limits are those of the sink in the geometry file."""
+    """Inputs and options of ``heatsink``. Default limits are from the geometry file."""
 
     span_mm: Annotated[float | None, _LIMIT, Option(unit="mm", label="Length")] = None
     """Limit the length of the finned body, in mm."""

@@ -1,10 +1,10 @@
-"""Registry of the jobs: one row with help, function and report for each job.
+"""Registry of the jobs: the table ``JOBS`` has one row (``Job``) for each job.
 
-All interfaces are generated from these rows and from the inputs and options in ``jobs.options``. To add a
+All interfaces are generated from this table and from the inputs and options in ``jobs.options``. To add a
 job, write a module in ``jobs``, a module in ``report``, a class in ``jobs.options`` and a row in this table.
 
-Rows name functions as text (``"mrdamper.jobs.thermal.heat:heat"``), so that this package can be imported
-without the modules of the jobs. The module ``job`` runs the job of a row.
+A row names the function of a job as text (``"mrdamper.jobs.thermal.heat:heat"``). Therefore this package can
+be imported without the modules of the jobs. The module ``job`` runs the job of a row.
 """
 
 from __future__ import annotations

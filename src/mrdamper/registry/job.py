@@ -1,4 +1,4 @@
-"""Class of the registry's rows: read inputs, check options, run the job, and write all files or none."""
+"""Class ``Job``: read inputs, check options, run a job and write its output files."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ class Job:
 
     name: str
     help: str
-    run: str  # module:function(inputs by name, options=, on_progress=) -> result
-    report: str  # module:REPORT
+    run: str  # job function, as ``module:function``; arguments: inputs by name, options, on_progress
+    report: str  # object that writes the report, as ``module:REPORT``
     files_help: str = ""  # help text of the option --out; empty if the job writes no folder
     out_required: bool = False
     out_default: str = ""
     progress_word: str = ""  # unit of the progress count; empty if ``run`` has no ``on_progress``
-    checkpoint: str = ""  # module:function(folder, resume=) that opens the ``checkpoint`` for ``run``
+    checkpoint: str = ""  # context manager with stored results of finished tasks, as ``module:function``
     ctrl_c: str = ""  # effect of Ctrl-C for the user; empty if Ctrl-C ends the job without files
     out: str = ""  # output folder on the server: "card", "runs", or empty for a new folder in results/
 
@@ -61,7 +61,7 @@ class Job:
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """Return the options of the job. If there are none, ``run`` has no argument ``options``."""
+        """Return the options. If a job has none, ``run`` has no argument ``options``."""
         return fields_of(self.options_type)
 
     @property
@@ -76,7 +76,7 @@ class Job:
         return result
 
     def options_from(self, given: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the job's options
-        """Return the checked options. If some are invalid, raise one ``InputError`` with a line for each."""
+        """Return the checked options; one ``InputError`` lists all invalid options."""
         return read_record(self.options_type, given, self.name)
 
     def call(self, given: dict[str, Any]) -> Any:  # noqa: ANN401 - the result of the job
@@ -97,7 +97,7 @@ class Job:
         return self._run(things, self._read(things), options, progress)
 
     def _read(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the inputs by name. Paths and presets are read; objects are returned unchanged."""
+        """Return the inputs by name; paths and preset names are replaced by objects."""
         things: dict[str, Any] = {}
         for each in self.inputs:
             value = given.get(each.name)
@@ -144,12 +144,12 @@ class Job:
         on_progress: Progress | None = None,
         resume: bool = False,
     ) -> tuple[Any, Json]:
-        """Run the job and write all files or none; return the result and the JSON answer.
+        """Run the job and write its files (all or none); return result and JSON answer.
 
         Parameters
         ----------
-        given : by name, the path, preset or object of each input, and the options for reading; optional
-            inputs may be missing
+        given : value (path, preset name or object) of each input and of each option for reading, by name;
+            optional inputs may be missing
         options : options of the job; None: the default options
         out : folder for all files; None: no folder is written
         outputs : paths of single outputs, by name
@@ -176,7 +176,7 @@ class Job:
         return result, answer
 
     def _places(self, out: Path | None, outputs: Mapping[str, Path]) -> dict[str, Path]:
-        """Return the paths of all outputs by name. The folder ``out`` has the empty name."""
+        """Return the paths of all outputs by name; the name of the folder ``out`` is ""."""
         given = [path.absolute() for path in outputs.values()]
         for name, path in outputs.items():
             if given.count(path.absolute()) > 1:
@@ -193,9 +193,9 @@ class Job:
     def _staged(
         self, folders: Mapping[str, Path], inputs: Sequence[Path] = ()
     ) -> Iterator[Mapping[str, Place]]:
-        """Generate one mapping from output names to temporary paths, for a with statement.
+        """Provide a temporary path for each output, by name, in a ``with`` statement.
 
-        At the end of the statement, the files are moved to their final paths. The files ``inputs`` are never
+        After the ``with`` statement, the files are moved to their final paths. The files ``inputs`` are never
         replaced.
         """
         from mrdamper.report.base import Place
