@@ -83,7 +83,7 @@ class Trajectory:
         return len(self.displacement)
 
     def part(self, samples: slice) -> Trajectory:
-        """Return a part of the trajectory. A slice with a step has a longer time step."""
+        """Return the trajectory of some samples. The slice ``::2`` doubles the time step."""
         return replace(
             self,
             step=self.step * (samples.step or 1),

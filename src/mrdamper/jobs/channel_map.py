@@ -60,7 +60,7 @@ def write_map(files: ReadFiles) -> WrittenMap:
 
 
 def _common_tables(files: ReadFiles, comments: list[str]) -> dict[str, dict[str, Any]]:
-    """Return map tables that are equal in all files; write other tables to comments."""
+    """Return channel-map tables that are equal in all files; list others in comments."""
     shared: dict[str, dict[str, Any]] = {}
     for name, of in _TABLES.items():
         found = {path.name: of(file.chosen) for path, file in files.files}

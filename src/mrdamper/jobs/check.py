@@ -1,4 +1,4 @@
-"""The job ``check``: find faults in runs before a fit, and report how their files were interpreted.
+"""The job ``check``: find faults in runs, and report how files were interpreted.
 
 Unreadable files are part of the report. Each run is diagnosed (``data.diagnosis``). Then the runs are
 compared with one another. No run is changed. With the option ``deep``, one model is fitted to all runs to
@@ -93,7 +93,7 @@ class CheckResult(JobResult):
     runs: tuple[CheckedRun, ...]
     unreadable: tuple[UnreadableFile, ...]
     channel_map: WrittenMap
-    groups: tuple[Finding, ...] = ()  # findings about several runs, or why one fit of all runs failed
+    groups: tuple[Finding, ...] = ()  # findings about several runs; or why the fit of all runs failed
 
     @property
     def questions(self) -> tuple[Question, ...]:
@@ -184,7 +184,7 @@ def findings_of(
 
 
 def _finding_if_held_out(finding: Finding) -> Finding:
-    """Replace the effect on the fit by the effect on the error of a held-out run."""
+    """Return the finding with an effect that is correct for a held-out run."""
     return finding if finding.kind in HELD_OUT_KINDS else replace(finding, effect=HELD_OUT_EFFECT)
 
 

@@ -21,13 +21,13 @@ _DEFAULT = CyclesOptions()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FigureSummary:
-    """Statistics of one quantity; ``first``: mean of the first cycles, ``last``: last."""
+    """Statistics of one quantity, such as the energy, over all cycles."""
 
     mean: float
     min: float
     max: float
-    first: float
-    last: float
+    first: float  # mean of the first ``CyclesResult.group_size`` cycles
+    last: float  # mean of the last ``CyclesResult.group_size`` cycles
     trend_per_1000_cycles: float | None  # slope of the least-squares line; None if there is only one cycle
 
 

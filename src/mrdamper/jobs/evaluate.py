@@ -112,7 +112,7 @@ def coefficient_intervals(
 
 @dataclass(frozen=True, slots=True, repr=False)
 class EvaluateResult(JobResult):
-    """Errors of a model on runs; iteration and indices return the errors in turn."""
+    """Errors of a model on runs. The result can be used as a sequence of the errors."""
 
     _job = "evaluate"
     law: str

@@ -170,8 +170,8 @@ def options_for(runs: Dataset, options: FitOptions) -> FitOptions:
 def _select(data: FitData, options: FitOptions, on_progress: Progress) -> tuple[Selection, tuple[str, ...]]:
     """Select a law and terms by cross-validation on sections of the runs.
 
-    The error of the chosen model on the sections must not be much smaller than on all runs. Otherwise, the
-    selection is repeated with more sections or all data, and a note reports the repetition.
+    The error of the chosen model on the sections must not be much smaller than the error on all runs.
+    Otherwise the selection is repeated with more sections or all data, and a note reports the repetition.
     """
     settings, samples_max = SelectionSettings(), SelectionSettings().samples_max
     first: Selection | None = None

@@ -113,7 +113,7 @@ class _Damper:
         return usual, False
 
     def _follows(self, target: Scenario) -> bool:
-        """Return True if the damper has the stroke and can mostly produce the force."""
+        """Return True if the stroke and, most of the time, the force are sufficient."""
         course = reference_trajectory(target, self.plant.step_s)
         if self.stroke is not None and not _is_within(course.displacement, self.stroke):
             return False

@@ -1,4 +1,4 @@
-"""Folders and processes of all dampers of a server; read requests, send files."""
+"""Work folders and processes of the dampers that one server manages."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class AppContext:
         await self.queue.close()
 
     def change_numbers(self) -> dict[str, str]:
-        """Return texts that change when a measured file or another file changes."""
+        """Return a text that changes with the measured files, and one for other files."""
         folder = self.folder
         others = (folder.records, folder.inputs, folder.cards, folder.results)
         files = f"{self.index.changes}-{_signature(folder.runs)}"
@@ -108,7 +108,7 @@ class Dampers:
         }
 
     def add(self, name: str) -> None:
-        """Create an empty damper."""
+        """Create the empty work folder of a new damper."""
         path = self.main.folder.new(self.main.folder.dampers, name)
         try:
             path.mkdir(parents=True)

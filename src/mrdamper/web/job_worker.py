@@ -34,7 +34,7 @@ _server_is_gone = threading.Event()
 
 
 def _progress_file(path: Path) -> Progress:
-    """Return a function that writes progress to a file every ``_INTERVAL_MIN_S``."""
+    """Return a function that stores progress, at most every ``_INTERVAL_MIN_S``."""
     written_s = -math.inf
 
     def write(now: ProgressUpdate) -> None:

@@ -164,7 +164,7 @@ class Guard:
         is_reading = request.method in {"GET", "HEAD"}
         if not (is_page and is_reading) and not _is_own(headers, host):
             return refusal(403, "the request comes from another site; open the page itself")
-        # The name contains the port, because servers on other ports get the same cookies.
+        # The name contains the port, because a browser sends a cookie to all ports of a host.
         cookie = f"mrdamper-{(request.scope.get('server') or ('', 0))[1]}"
         scheme, _, bearer = headers.get("authorization", "").partition(" ")
         is_admitted = (

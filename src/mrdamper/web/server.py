@@ -122,7 +122,7 @@ def serve(
 
 
 def _kept_token(place: Path) -> str:
-    """Return the stored token, so that open pages still work after a restart."""
+    """Read or create the file with the token, which stays valid after a restart."""
     with suppress(OSError, UnicodeDecodeError):
         kept = place.read_text(encoding="ascii")
         if len(kept) == _TOKEN_SIGNS and kept.isprintable() and not place.stat().st_mode & 0o077:

@@ -29,7 +29,7 @@ from mrdamper.virtual_rig.damper import PRESETS as DAMPERS
 __all__ = ["WRITTEN", "HeatSink", "choices", "kind_of_input", "run_formats"]
 
 _HEAD_SIZE_BYTES = 1 << 14
-# (kind of file, regular expression): a file has the first kind whose expression matches the begin of a line.
+# Kind of file and regular expression. The first expression that matches the beginning of a line decides.
 _TOML: tuple[tuple[str, str], ...] = (
     ("channels", r"\[(channel(\.\w+)?|constant|segments)\]"),
     ("geometry", r"\[body\]"),

@@ -34,8 +34,7 @@ from mrdamper.schema import Json, finite_or_none
 if TYPE_CHECKING:  # ``data.prepare`` loads slowly, and ``glance`` does not need ``data.prepare``.
     from mrdamper.data.prepare import PreparedRun
 
-# A preview plots at most the first number of points. They are chosen from the second number of samples, in
-# the middle of a column.
+# Max number of points in a preview, and max number of samples from which the points are chosen.
 _LOOP_POINT_COUNT, _LOOP_SAMPLES_MAX = 800, 4000
 _TEXTS = (".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm")
 

@@ -150,7 +150,7 @@ def _cache() -> Path:
 def _find_in(mirror: Path, chosen: DataSet, file: RemoteFile) -> Path | None:
     """Return the path of a file in the folder ``mirror``; None if the file is missing.
 
-    Tried folders: the path in the repository, ``raw``, the name of the data set, and ``mirror`` itself.
+    Tried locations: the path in the repository, the folder ``raw``, a folder of the data set, and ``mirror``.
     """
     for place in (file.path, f"raw/{file.name}", f"{chosen.name}/{file.name}", file.name):
         if (mirror / place).is_file():

@@ -28,7 +28,7 @@ SweepKind = Literal["campaigns", "samples", "dampers"]
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """One task of a sweep. Each ``kind`` has a function that gets ``arguments``."""
+    """One task of a sweep. The function of its ``kind`` is called with ``arguments``."""
 
     name: str
     kind: SweepKind
@@ -132,7 +132,7 @@ def _campaign_paths(given: Sequence[str | Path]) -> list[str]:
 
 
 def _unique_names(paths: list[str]) -> Iterator[tuple[str, str]]:
-    """Generate (name, path) pairs; parent folders are prefixes of equal file names."""
+    """Generate (name, path) pairs; equal file names get a parent folder as a prefix."""
     for path in paths:
         parts = Path(path).parts
         for count in range(1, len(parts) + 1):

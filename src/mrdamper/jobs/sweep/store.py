@@ -30,7 +30,7 @@ class Store:
         self._read()
 
     def begin(self, head: Mapping[str, Any]) -> None:
-        """Write ``head``, which identifies the sweep, or compare it with the file.
+        """Write ``head``, which identifies the sweep, or compare it with the stored head.
 
         Raises
         ------

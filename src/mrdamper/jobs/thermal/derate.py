@@ -1,4 +1,4 @@
-"""The job ``derate``: compute the load that a damper may have in given conditions."""
+"""The job ``derate``: compute the allowed load at several ambient temperatures."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _USUAL = DerateOptions()
 class DerateResult(JobResult):
     """The largest current, stroke or duty ratio that keeps all temperatures within their limits.
 
-    Arrays have the shape (durations, air speeds, ambient temperatures) if no shape is stated.
+    The first four attributes below have the shape (durations, air speeds, ambient temperatures).
 
     Attributes
     ----------

@@ -170,7 +170,7 @@ def start_of(options: HeatOptions) -> float | None:
 
 def _warm_notes(card: ModelCard, rise: Rise) -> list[str]:
     """Return a note if the fluid is colder or hotter than in all runs of the card."""
-    most_capped = 1.0  # no note for a fluid temperature that is less than this outside the range [K]
+    most_capped = 1.0  # A note requires a temperature farther outside the range [K].
     known = card.envelope.temperature
     if not card.damper.temperature_dependent or known is None:
         return []

@@ -70,7 +70,7 @@ async def _job_file(job_id: str, path: str, context: Context) -> Response:
 
 @routes.get("/api/state")
 async def _state(context: Context) -> Response:
-    files = context.index.files()  # starts asyncio tasks, therefore not in a worker thread
+    files = context.index.files()  # This call starts asyncio tasks, which a worker thread cannot do.
     return JsonAnswer({**await asyncio.to_thread(_read_state, context), "files": files})
 
 
