@@ -86,7 +86,7 @@ class JobQueue:
         return job_id
 
     async def resume(self, job_id: str) -> None:
-        """Queue a job again that ended early. The job continues after its finished tasks."""
+        """Queue an interrupted job again. The job continues after its finished tasks."""
         record = await self._ended(job_id)
         if not record.is_resumable(record.read()):
             raise ConflictError(f"{job_id} has left nothing to go on with; ask for it again")
@@ -148,7 +148,7 @@ class JobQueue:
         work.task.add_done_callback(lambda _: self._jobs.pop(job_id))
 
     async def _run(self, job_id: str, work: _Work) -> None:
-        """Wait for a slot, run the process of a job, and check that its record contains the end."""
+        """Wait for a slot, run the process of a job, and complete the record of the job."""
         async with self._slots:
             work.waiting, code = False, None
             try:

@@ -35,7 +35,7 @@ class QueryLine:
     async def ask(self, name: str, arguments: Mapping[str, Any]) -> Any:  # noqa: ANN401 - any JSON
         """Return the answer of one of ``QUERIES``.
 
-        Raise InputError if the query raises it, takes too long, or crashes its process.
+        Raise InputError if the query fails with an InputError, takes too long, or crashes.
         """
         async with self._turn:
             try:

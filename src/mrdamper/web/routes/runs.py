@@ -74,7 +74,7 @@ async def _heat_curve(request: Request, context: Context) -> Response:
 async def _part(
     context: AppContext, run: CachedRun, series: Path, place: Path, window: tuple[Any, ...]
 ) -> Response:
-    """Return the samples of a series in a window (time range). The result is cached in ``place``."""
+    """Return the samples in a time range of a series. The result is cached in ``place``."""
     if not place.is_file():
         most, from_s, to_s = window
         samples_of = None if series == run.series else run.series
