@@ -167,7 +167,7 @@ def fit_law(
 
 
 def _fit_windows(problem: FitProblem, dampers: Sequence[Damper], on_progress: Progress) -> SearchResult:
-    """Fit parameters to windows of the runs, then to all data if the windows do not represent them well."""
+    """Fit parameters to sections of runs, and to whole runs if the sections do not represent them well."""
     settings = problem.settings
     windows, whole = problem.windows(), run_windows(problem.runs, settings)
     result = fit_variable_projection(
@@ -188,9 +188,9 @@ def _fit_windows(problem: FitProblem, dampers: Sequence[Damper], on_progress: Pr
 def _for_other_motions(
     problem: FitProblem, result: SearchResult
 ) -> tuple[SearchResult, ForceBand | None, tuple[str, ...]]:
-    """Return the fit with standard errors for new motions, the force band (expected error), proposed tests.
+    """Return the fit with standard errors for new motions, the force band and the proposed tests.
 
-    Without cross-validation, which needs two folds, the force band is missing (None).
+    The force band is None if cross-validation is impossible because there are fewer than two folds.
     """
     if result.cancelled or result.damper.law.kernel is None:
         return result, None, ()
@@ -203,9 +203,9 @@ def _for_other_motions(
 def _with_actuation(
     result: SearchResult, stepping: Sequence[PreparedRun]
 ) -> tuple[SearchResult, ActuationFit | None]:
-    """Fit delay and lags of the force to the runs ``stepping``; return the damper with them, and this fit.
+    """Fit delay and lags of the force to runs with changing current; add them to the damper of ``result``.
 
-    If this fit fails, the result gets a note and the second value is None.
+    If delay and lags cannot be fitted, the reason is added to ``result.notes`` and the second value is None.
     """
     samples_per_Hz = sum(len(run) * run.trajectory.step for run in stepping)
     rate_Hz = max(NUMERICS.actuation_rate_min_Hz, NUMERICS.actuation_samples_max / samples_per_Hz)

@@ -38,7 +38,7 @@ class FitData:
     changing: tuple[PreparedRun, ...]  # remaining training runs with changing current, sorted by their data
     temperature: Temperature
     fluid: FluidFactors | None  # fluid with assumed temperature dependence; None: the dependence is fitted
-    one_command: bool  # True if runs that all have the same current are accepted
+    one_command: bool  # True: a fit with a single current for all runs is permitted
     preparation: Preparation
     fingerprint: str  # hash of the training data
     notes: tuple[str, ...] = ()
@@ -80,7 +80,8 @@ class FitData:
             notes += (f"{note} (the first: {repeated[0].name})",)
         steady = tuple(run for run in distinct if run.run.constant_command is not None)
         changing = tuple(run for run in distinct if run.run.constant_command is None)
-        if command_levels(steady) < 2:  # Fit the law and a lag to all runs together.
+        if command_levels(steady) < 2:
+            # The law needs two currents. Therefore law and lag are fitted together to all runs.
             steady, changing = distinct, ()
         return cls(
             prepared,
@@ -157,7 +158,7 @@ def _without_repetitions(
 
 
 def _noisy_currents(runs: Dataset, prepared: Sequence[PreparedRun]) -> tuple[str, ...]:
-    """Return a note if noisy currents are treated as constant; empty if there are no such runs."""
+    """Return a remark if the current of some runs is treated as constant although it has noise."""
     noisy = [
         run
         for run, each in zip(runs, prepared, strict=True)

@@ -20,7 +20,8 @@ from mrdamper.models.dependence import ParameterLaw
 from mrdamper.models.laws import Coefficient
 from mrdamper.quantities import REFERENCE_K
 
-# Parameters that define the shape of a dependence. ``_weaker`` scales all parameters except these.
+# Parameters that define the shape of a dependence on current or temperature, and not its size. ``_weaker``
+# scales only the other parameters.
 _SHAPES = ("half_command", "exponent", "sharpness", "vft_pole_K")
 
 
@@ -30,11 +31,11 @@ def make_feasible(problem: FitProblem, damper: Damper) -> Damper:
 
 
 def limit_coefficients(damper: Damper, envelope: OperatingEnvelope) -> tuple[Damper, tuple[str, ...]]:
-    """Return the damper with limited coefficients, and a note for each coefficient that changed much.
+    """Return the damper with limited coefficients, and a remark for each coefficient that changed much.
 
-    If a coefficient is below its valid range, its first parameter is increased. If this is not possible or
-    not sufficient, the dependence of the coefficient on current and temperature is weakened as little as
-    necessary.
+    If a coefficient is below its valid range, the first parameter of its dependence on the current (value at
+    zero current) is increased. If an increase is not possible or not sufficient, the dependence on current
+    and temperature is weakened as little as necessary.
     """
     commands = np.linspace(*envelope.command, NUMERICS.limit_command_count)
     kelvin = damper.temperature_range or envelope.temperature or (REFERENCE_K,) * 2
@@ -68,7 +69,8 @@ def _raised(form: ParameterLaw, admissible: Coefficient, at: FloatArray, kelvin:
             # The margin is needed because the coefficient can be lower between two currents of the grid.
             aim = floor + 2e-6 * float(np.ptp(values))
             lift = float(np.max((aim - values) / slope)) * (1.0 + 1e-9)
-            # A factor near zero at one temperature would require large changes at the other temperatures.
+            # If the coefficient hardly depends on the parameter at one temperature, the increase would be so
+            # large that the coefficient becomes wrong at other temperatures.
             if lift * float(slope.max()) <= float(np.ptp(values)):
                 form = form.with_parameters((form.parameters[0] + lift, *form.parameters[1:]))
     if _keeps(form, admissible, at, kelvin):
@@ -87,10 +89,10 @@ def _keeps(form: ParameterLaw, admissible: Coefficient, at: FloatArray, kelvin: 
 
 
 def _weaker(form: ParameterLaw, fraction: float, admissible: Coefficient) -> ParameterLaw:
-    """Return the dependence with all size parameters except the first multiplied by ``fraction``.
+    """Return the dependence on current and temperature, weakened to ``fraction`` (0: constant).
 
-    The first parameter is clipped to the valid range of the coefficient. With fraction 0, the coefficient is
-    constant.
+    All parameters are multiplied by ``fraction``, except the shape parameters and the first parameter. The
+    first parameter is clipped to the valid range of the coefficient.
     """
     first, *others = form.parameters
     names = form.parameter_names[1:]

@@ -104,7 +104,7 @@ class FitProblem:
                     kelvin if isinstance(law, Bipolynomial) else [REFERENCE_K],
                 )
             )
-            # ``fixed`` is the contribution of the parameters that are not fitted.
+            # Parameters that are not fitted contribute the part ``fixed`` to the coefficient.
             held = [0.0 if i in at else number for i, number in enumerate(law.parameters)]
             fixed = law.with_parameters(held).value(commands, temperatures)
             gradients = law.gradient(commands, temperatures)[at].T
@@ -167,8 +167,8 @@ class Start:
 class SearchResult:
     """Result of a search: the fitted damper and the estimates of its parameters.
 
-    ``covariance`` includes the model errors that differ between motions. None means that it is computed
-    from the standard errors and ``correlation``.
+    ``covariance`` includes the model errors that differ between motions. If ``covariance`` is None, the
+    covariance follows from the standard errors and ``correlation``.
     """
 
     damper: Damper

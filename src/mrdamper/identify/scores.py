@@ -38,7 +38,7 @@ class RunError:
     command_unit: str
     motion: str
     temperature_degC: float | None
-    energy_measured_J: float  # dissipated work per period; of the whole scored run if there is no period
+    energy_measured_J: float  # dissipated work in one period, or in the scored run if the run has no period
     energy_model_J: float
     peak_measured_N: float
     peak_model_N: float

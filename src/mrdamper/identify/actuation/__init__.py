@@ -1,20 +1,19 @@
 """Identify the actuation, which is the delay, lags and hysteresis between command and force.
 
-Runs with a changing command are required. The hysteresis law of the damper is fitted first, to runs with
-constant command; the fit of the actuation does not change it. The entry points are
+The command is a current or a voltage. The identification requires runs with a changing command. The force law
+of the damper is fitted before, to runs with constant command, and is not changed here. The entry points are
 
-1. ``fit_actuation``: delay, rise, fall and second lag (``least_squares``), from step responses if the command
-   is held between its steps (``step_responses``), otherwise from whole runs; then the magnetic hysteresis
-   (``hysteresis``).
-2. ``refine_actuation``: core saturation, a second hysteresis loop and free-wheeling (``selection``).
+1. ``fit_actuation`` fits delay, rise, fall and second lag (``least_squares``). The data are step responses
+   (``step_responses``) if the command is constant between steps, otherwise whole runs. The magnetic
+   hysteresis (``hysteresis``) is fitted afterwards.
+2. ``refine_actuation`` adds core saturation, a second hysteresis loop and free-wheeling (``selection``).
 
-In all modules of this package, ``still`` is the damper without actuation. The command is a current or a
-voltage.
+In all modules of this package, the variable ``still`` is the damper without delay and lags.
 
-The lags are valid only near the speed v of these runs. The reason is that the force F also builds up against
-the stiffness s of the damper, with the time constant F / (s v). A law with the coefficient ``follow_share``
-models this effect: the coefficient is the fraction of the force that follows the command immediately. This
-fraction is then fitted to all runs, together with the lags.
+The fitted lags are valid only near the speed v of the fitted runs. The reason is that the force F also builds
+up against the stiffness s of the damper, with the time constant F / (s v). A law with the coefficient
+``follow_share`` models this effect: the coefficient is the fraction of the force that follows the command
+immediately. The fraction is fitted to all runs, together with the lags.
 """
 
 from mrdamper.identify.actuation.fit import ActuationFit, fit_actuation

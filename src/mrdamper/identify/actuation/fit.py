@@ -47,7 +47,7 @@ class ActuationFit:
     """Fitted delay and lags between command and force, with standard errors and response times."""
 
     actuation: Actuation
-    standard_errors: dict[str, float]  # by field of ``actuation``; NaN if not determined by the runs
+    standard_errors: dict[str, float]  # key: field of ``actuation``; NaN if the runs do not determine a value
     t63_s: float  # time to 63 % of the change of force after an upward step of the command
     t90_s: float  # time to 90 % of the change of the effective command (after the lags), for an upward step
     rmse_N: float  # RMS force error if delay and lags are simulated
@@ -87,18 +87,18 @@ def fit_actuation(
     start: Damper | None = None,
     settings: ActuationSettings = DEFAULT_SETTINGS,
 ) -> tuple[Damper, ActuationFit]:
-    """Fit delay and lags between command and force; return the damper with them, and the fit.
+    """Fit delay and lags between command and force; return the damper with delay and lags, and the fit.
 
     The runs need a changing command.
 
-    If the law has the coefficient ``follow_share``, a pattern search fits this fraction of the force. The
-    lags are fitted for each trial value of the fraction.
+    Some laws have the coefficient ``follow_share``, the fraction of the force that follows the command
+    immediately. A pattern search then fits this fraction. The lags are fitted for each trial fraction.
 
     Parameters
     ----------
     damper : damper fitted to runs with constant command; its law does not change
-    start : damper with fitted delay and lags, where the search starts (its law may have other
-        terms). None: the search starts from the better of the fractions 0 and 1
+    start : damper whose fraction, delay and lags are the initial values of the search; its law may have
+        other terms. None: the search tries the fractions 0 and 1 and continues from the better one
 
     Raises
     ------
@@ -149,10 +149,10 @@ def _fit_at_fixed_share(
 ) -> ActuationFit:
     """Fit delay, lags and hysteresis of a damper with a given value of ``follow_share``.
 
-    The lags are fitted to step responses if some runs hold their command between steps, otherwise to the
-    force over whole runs. The hysteresis is estimated twice: from runs with held commands, and from runs with
-    continuously changing commands. The larger estimate is used because overshoot and lags hide a part of the
-    hysteresis.
+    The lags are fitted to step responses if some runs have a constant command between steps, otherwise to
+    the force of whole runs. The hysteresis is estimated twice: from runs with a stepwise constant command,
+    and from runs whose command changes continuously. The larger estimate is used because overshoot and lags
+    hide a part of the hysteresis.
     """
     still = damper.on_limits()
     measured = [measure_step_responses(still, run, settings) for run in runs]
@@ -173,7 +173,7 @@ def _fit_at_fixed_share(
         for run, responses in zip(runs, measured, strict=True)
         if responses is None and np.ptp(run.trajectory.command) > 0.0
     ]
-    # Free-wheeling of a driver with one quadrant has a similar effect as hysteresis.
+    # If the driver has one quadrant, free-wheeling of the current would be mistaken for hysteresis.
     if stepped and changing and times.driver_quadrants != 1:
         wider, wider_error = fit_hysteresis_over_runs(
             still, replace(lags, hysteresis_width_A=play), changing, settings

@@ -1,8 +1,8 @@
 """Estimate the magnetic hysteresis: a falling command causes a larger force than an equal rising command.
 
-If commands are held, the half width of the hysteresis loop follows from a linear regression of the force
-error. If the command changes continuously, the half width is fitted to the force over whole runs. In both
-cases, overshoot of the driver can hide hysteresis but never increases the estimate.
+If the command is constant between steps, a linear regression of the force error yields the half width of the
+hysteresis loop. If the command changes continuously, the half width is fitted to the force of whole runs. In
+both cases, overshoot of the driver can hide hysteresis but never increases the estimate.
 """
 
 from __future__ import annotations
@@ -24,11 +24,12 @@ from mrdamper.models.simulate import simulate
 def fit_hysteresis_at_levels(
     damper: Damper, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> tuple[float, float]:
-    """Return half width and standard error of the magnetic hysteresis [A or V] from runs with held commands.
+    """Fit the half width of the magnetic hysteresis to stepped commands; return it with its error [A or V].
 
-    Return 0 and NaN if no run has suitable samples. Overshoot hides a part of the hysteresis in some runs.
-    Therefore the run with the largest lower confidence limit is the reference. The half width is the average
-    over the runs that agree with the reference.
+    Return 0 and NaN if no run has enough settled samples after rising and falling steps. Overshoot hides a
+    part of the hysteresis in some runs. Therefore the run with the largest lower confidence limit of the half
+    width is the reference. Runs with a significantly smaller half width than the reference are ignored. The
+    other runs are averaged.
     """
     sums = [each for run in runs if (each := _regression_sums(damper, run, settings)) is not None]
     if not sums:
@@ -43,7 +44,7 @@ def fit_hysteresis_at_levels(
 def _half_width(
     effect_squares: float, products: float, error_squares: float, freedom: float
 ) -> tuple[float, float]:
-    """Return half width and standard error of the magnetic hysteresis [A or V] from regression sums."""
+    """Solve the linear regression of ``_regression_sums``; return half width and standard error [A or V]."""
     half_width = products / effect_squares
     residual = max(error_squares - half_width * products, 0.0)
     return float(half_width), float(np.sqrt(residual / max(freedom - 1, 1) / effect_squares))
@@ -60,13 +61,12 @@ def fit_hysteresis_over_runs(
 
 
 def _regression_sums(damper: Damper, run: PreparedRun, settings: ActuationSettings) -> FloatArray | None:
-    """Return the four arguments of ``_half_width`` for one run; None if the run has too few settled samples.
+    """Return the sums of the regression of one run on the half width; None with too few settled samples.
 
-    The regression models the force error for each held command and direction of motion. The model is an
-    offset. If the command was reached from above, the half width times the *effect* is added. The effect is
-    the derivative of the force with respect to the half width. Three of the sums contain squared effects,
-    products of effect and force error, and squared force errors. The fourth is the number of samples minus
-    the number of offsets.
+    The *effect* is the derivative of the force with respect to the half width, and zero for a command that
+    was reached from below. The regression explains the force error by the half width times the effect, plus
+    one offset for each command value and direction of motion. The result has the sums of squared effects, of
+    effect times force error and of squared force errors, and the number of samples minus offsets.
     """
     path = run.trajectory
     span = float(np.ptp(path.command))
@@ -75,7 +75,8 @@ def _regression_sums(damper: Damper, run: PreparedRun, settings: ActuationSettin
     step = 0.01 * span
     force = simulate(damper, path)
     slope = (simulate(damper, replace(path, command=path.command + step)) - force) / step
-    slope *= 2.0 * HYSTERESIS_WEIGHT  # Only a part of the magnetic field has hysteresis.
+    # Rising and falling commands differ by two half widths. Only a part of the field has hysteresis.
+    slope *= 2.0 * HYSTERESIS_WEIGHT
     last_change, since_s = _last_change(path.command, path.step)
     settled = (since_s >= settings.settling_time_s) & (np.arange(len(force)) >= run.scored_from)
     parts = []

@@ -32,29 +32,32 @@ Residual = Callable[[Sequence[FloatArray]], FloatArray]
 
 
 class SearchParameter(NamedTuple):
-    """Bounds and scale of a parameter in the search, and ``margin`` between its start and the bounds.
+    """Bounds and scale of a parameter in the search.
 
-    If ``is_log`` is True, the search varies the logarithm. ``scale`` and ``margin`` then refer to the
-    logarithm.
+    If ``is_log`` is True, the search varies the logarithm of the parameter. ``scale`` and ``margin`` then
+    refer to the logarithm.
     """
 
     lower: float
     upper: float
     scale: float
     is_log: bool
-    margin: float = 0.0  # minimum distance of the start from the bounds
+    margin: float = 0.0  # minimum distance of the initial value from the bounds
 
 
 class ParameterFit(NamedTuple):
     """Result of a least-squares fit of delay and lags between command and force."""
 
     actuation: Actuation
-    standard_errors: dict[str, float]  # key: name of the fitted parameter; NaN on a bound
+    standard_errors: dict[str, float]  # key: name of the fitted parameter; NaN if its value is on a bound
     cost: float  # half the sum of the squared residuals
 
 
 class LaggedForces:
-    """Simulate the forces of runs for trial values of delay and lags; commands are steps at samples."""
+    """Simulate the forces of runs for trial values of delay and lags.
+
+    The command is constant within a sample interval, so that it steps at the samples.
+    """
 
     def __init__(self, still: Damper, runs: Sequence[PreparedRun], oversampling: int) -> None:
         self._still, self._oversampling = still, oversampling

@@ -1,8 +1,9 @@
 """Choose by cross-validation if the delay model needs saturation, a second loop or free-wheeling.
 
-The hysteresis loops of a saturating core have more than one width. A driver with one quadrant cannot force
-the current down, so that the current free-wheels through the coil. The speed of this decay depends on the
-saturation. Therefore all parameters of a form are fitted together. A *form* is a set of fitted parameters.
+A core that saturates has a narrow and a wide hysteresis loop. A driver with one quadrant cannot force the
+current down, so that the current free-wheels through the coil. The speed of this decay depends on the
+saturation. A *form* is a set of parameters to fit. Because of such couplings, all parameters of a form are
+fitted together.
 """
 
 from __future__ import annotations
@@ -45,11 +46,11 @@ def refine_actuation(
 ) -> tuple[Damper, ActuationFit]:
     """Add core saturation, second hysteresis loop or free-wheeling if needed; return damper and fit.
 
-    Without evidence of these effects, damper and fit are returned unchanged. Step responses that indicate a
-    driver with one quadrant are evidence. Otherwise all parameters and the simple form are fitted briefly to
-    two runs with random current. A clearly smaller error with all parameters is also evidence. The form with
-    the smallest cross-validation error is then fitted to the force of all runs. Cross-validation uses the
-    runs with random current, or all runs if there are fewer than two such runs.
+    A *form* is a set of parameters to fit. Without evidence of the three effects, damper and fit are returned
+    unchanged. One kind of evidence is a driver with one quadrant in ``fit``. The other kind comes from two
+    runs with random current: the error with all parameters is clearly smaller than with the simple form.
+    The form with the smallest cross-validation error is then fitted to the force of all runs.
+    Cross-validation uses the runs with random current, or all runs if fewer than two have random current.
     """
     has_one_quadrant, largest = fit.driver_quadrants == 1, largest_command(runs)
     still = replace(damper, actuation=None).on_limits()
@@ -98,9 +99,10 @@ def refine_actuation(
 def initial_actuation(
     fit: ActuationFit, form: Form, largest: float, settings: ActuationSettings
 ) -> Actuation:
-    """Return start values for a fit of the parameters in ``form``, from the fit with fewest parameters.
+    """Return initial values for a fit of the parameters in ``form``.
 
-    ``largest`` is the largest magnitude of the command [A or V].
+    ``fit`` is the earlier fit of delay, lags and one hysteresis loop. ``largest`` is the largest magnitude of
+    the command [A or V].
     """
     start = fit.actuation
     if "saturation" in form:
@@ -118,6 +120,5 @@ def initial_actuation(
 
 
 def _mean_hold_s(run: PreparedRun) -> float:
-    """Return the mean time [s] between changes of the command."""
     changes = int(np.count_nonzero(np.diff(run.trajectory.command)))
     return len(run) * run.trajectory.step / (changes + 1)

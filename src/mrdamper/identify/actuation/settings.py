@@ -15,15 +15,16 @@ class ActuationSettings:
 
     # Command steps. The first two limits are divided by the range of the command.
     step_size_min: float = 0.05  # A smaller change of the command is not a step.
-    level_tolerance: float = 0.05  # Commands count as equal if they round to the same multiple of this.
+    level_tolerance: float = 0.05  # Commands are equal if they round to the same multiple of the tolerance.
     settling_time_s: float = 0.1  # The force is considered settled when this time has passed after a step.
 
-    # Step responses
+    # Limits that decide which parts of a run are evaluated as step responses
     response_duration_min_s: float = 0.04  # A shorter response is ignored because it may not reach 63 %.
     response_duration_max_s: float = 0.15
-    response_force_min: float = 0.03  # min change of force in a step / largest force of the run
-    change_force_min: float = 0.003  # min change of force for a run to be used / largest force of all runs
-    # Samples near a reversal are ignored because laws have larger errors there. Unit: stroke of the run
+    response_force_min: float = 0.03  # min force change of a usable step / peak force of the run
+    change_force_min: float = 0.003  # min force change of a usable run / peak force of all runs
+    # Samples are ignored near a reversal because laws have larger errors there. The two limits are the
+    # distance from the reversal divided by the stroke.
     stroke_after_reversal_min: float = 0.15
     stroke_before_reversal_min: float = 0.03
     level_sample_count_min: int = 20  # min settled samples at one command and one direction of motion
@@ -33,7 +34,7 @@ class ActuationSettings:
     # The driver cannot force the current down if steps to zero take this many times as long as other steps.
     free_wheeling_time_ratio: float = 1.4
 
-    # Search for delay and lags
+    # Bounds, initial values and accuracy of the search for delay and lags
     lag_min_s: float = 1e-4
     lag_max_s: float = 0.3
     delay_max_s: float = 0.1
@@ -48,7 +49,8 @@ class ActuationSettings:
     follow_share_step_min: float = 0.05  # A smaller step ends the pattern search.
     hysteresis_agreement: float = 2.0  # Hysteresis widths within this number of standard errors are averaged.
 
-    # Search for all parameters over whole runs. Currents are divided by the largest command.
+    # Bounds and initial values for fits with saturation, a wide loop or free-wheeling. Saturation current and
+    # remanence are divided by the largest command.
     saturation_min: float = 0.05
     saturation_max: float = 30.0
     saturation_start: float = 0.5
@@ -60,10 +62,10 @@ class ActuationSettings:
     evaluation_count_max: int = 20  # max function evaluations in the final fit
     short_evaluation_count_max: int = 6  # max function evaluations in each fit during the cross-validation
 
-    # Error ratios that decide between models of delay and lags: saturation, hysteresis loops, free-wheeling
-    # The simplest variant is kept unless the error with all parameters / its error is smaller than this.
+    # Error ratios that decide if the delay model gets saturation, a second hysteresis loop or free-wheeling.
+    # The simplest model is kept if all parameters reduce its error to no less than this fraction.
     saturation_ratio_max: float = 0.95
-    one_loop_ratio: float = 0.98  # factor on the error of variants with a single loop, which are preferred
+    one_loop_ratio: float = 0.98  # The error with one hysteresis loop gets this factor to prefer one loop.
     # The driver cannot force the current down if free-wheeling reduces the error below this fraction.
     free_wheeling_ratio_max: float = 0.7
 

@@ -1,9 +1,9 @@
-"""Measure step responses: how the force changes after a step of a command that is then held.
+"""Measure step responses: how the force changes after a step of the command to a constant value.
 
-The force depends on position, speed and direction as well as on the command. Therefore the settled force at
-each *level* (held command) is mapped first. The map is the force of the law at this command plus a parabola
-in the position, for each direction of motion. The step response is the normalised force between the maps of
-two levels: 0 on the map before the step, 1 on the map after the step.
+The force depends on position, speed and direction as well as on the command. Therefore a curve of the settled
+force is fitted first, for each constant command (*level*) and direction of motion. The curve is the force of
+the law at this command plus a parabola in the position. The step response is the measured force on a scale
+from 0 on the curve before the step to 1 on the curve after the step.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class StepResponse:
     size_N: FloatArray  # settled force after the step minus settled force before the step
     law_before_N: FloatArray  # force of the law at the command before the step
     law_after_N: FloatArray  # force of the law at the command after the step
-    levels: tuple[int, int]  # numbers of the held commands before and after the step; 0 is a zero command
+    levels: tuple[int, int]  # commands before and after the step, rounded to multiples of the tolerance
     upwards: bool  # the magnitude of the command increases
     time_s: float  # measured time to 63 % of the step; NaN if 63 % is not reached
 
@@ -79,7 +79,7 @@ def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationS
     force_min_N = settings.response_force_min * float(np.abs(run.force).max())
 
     def map_at(k: int, first: int) -> FloatArray | None:
-        """Return the settled force [N] at the k-th held command, for the motion direction at ``first``."""
+        """Return the settled force [N] at the command of segment ``k``, for the direction at ``first``."""
         samples = settled & (np.array(levels)[segment] == levels[k]) & (direction == direction[first])
         if np.count_nonzero(samples) < settings.level_sample_count_min:
             return None
@@ -148,10 +148,10 @@ def model_times(
 def _map_force(
     run: PreparedRun, law_force: FloatArray, samples: BoolArray, from_above: BoolArray, weight: float
 ) -> FloatArray:
-    """Return the settled force [N] at one held command and direction of motion, for every sample of a run.
+    """Return the settled force [N] for one command and direction of motion, at every sample of a run.
 
-    ``samples`` selects the settled samples for the regression. A command that was reached from above
-    (``weight`` 1) gets an additional offset, because the core has hysteresis.
+    ``samples`` selects the settled samples for the regression. If the command was reached from above
+    (``weight`` 1), the force has an additional offset because the core has hysteresis.
     """
     x = run.trajectory.displacement / np.abs(run.trajectory.displacement).max()
     columns = [np.ones_like(x), x, x**2]
@@ -207,10 +207,10 @@ def mean_response_times(steps: Sequence[StepResponse], settings: ActuationSettin
 def mean_time(times: Sequence[tuple[tuple[int, int], float]], relative_error: float = 0.0) -> MeanTime:
     """Return the mean response time [s] of steps, and the standard error of this mean.
 
-    ``times`` has the commands before and after each step (as numbers) and its response time. Each pair of
-    commands has the same weight. The standard error has a random and a systematic part. The random part is
-    the scatter between pairs of commands, but at least the scatter of repeated steps. The systematic part is
-    ``relative_error`` times the mean.
+    ``times`` has one pair for each step: ``StepResponse.levels`` and the response time. Each combination of
+    commands before and after the step has the same weight. The standard error has a random and a systematic
+    part. The random part is the scatter between combinations, but at least the scatter of repeated steps. The
+    systematic part is ``relative_error`` times the mean.
     """
     if not times:
         return MeanTime(math.nan)

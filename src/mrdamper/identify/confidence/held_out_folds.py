@@ -92,9 +92,9 @@ def refit_without_folds(
 def force_band(folds: RefittedFolds, settings: ConfidenceSettings = DEFAULT_SETTINGS) -> ForceBand:
     """Return the force band, which is expected to contain 90 % of the samples of a held-out motion.
 
-    For each fold, the errors are divided by the half width of a band with factor one, and the 90 % quantile
-    of these ratios is computed. The factor of the band is the mean of the quantiles over the folds, plus a
-    multiple of their standard deviation.
+    The half width of the band is a factor times a fixed function of the force (``width_unit``). Each fold
+    needs a different factor to contain 90 % of its held-out samples. The factor of the band is the mean of
+    these factors plus a multiple of their standard deviation.
     """
     runs = [run for fold in folds.errors for run in fold]
     base = settings.band_base_ratio * float(np.median([rms(run.force) for run in runs]))
@@ -130,9 +130,9 @@ def with_changing_current(
 ) -> ForceBand:
     """Return the force band with an additional factor for runs with changing current.
 
-    In these runs, the model also has errors in its response to the current. For each run, the function
-    computes the factor on the half width with which the band contains 90 % of the samples. The common factor
-    is the mean of these factors plus a multiple of their standard deviation, and at least 1.
+    If the current changes, the delay model causes additional errors. Each run therefore needs a wider band to
+    contain 90 % of its samples. The factor is the mean of the required ratios of widths plus a multiple of
+    their standard deviation, and at least 1.
     """
     ratios = []
     for run, force in zip(runs, simulate_each(damper, [run.trajectory for run in runs]), strict=True):

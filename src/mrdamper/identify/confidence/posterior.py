@@ -44,8 +44,8 @@ def sample_posterior(
     if covariance is None:
         errors = np.array([estimate.standard_error for estimate in result.estimates])
         covariance = result.correlation * np.outer(errors, errors)
-    # Divide the covariance by the prior variance. A variance c along an eigenvector then becomes
-    # 1 / (1 / c + 1) in the posterior.
+    # The coordinates are divided by the prior standard deviation (``spread``), so that the prior variance is
+    # 1. A variance c of the fit along an eigenvector then becomes 1 / (1 / c + 1) in the posterior.
     spread = ((high - low) / np.sqrt(12.0))[moving]
     unit = np.where(log, values, 1.0)[moving] * spread
     variances, directions = np.linalg.eigh(covariance[np.ix_(moving, moving)] / np.outer(unit, unit))

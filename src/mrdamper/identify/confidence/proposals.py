@@ -31,8 +31,8 @@ from mrdamper.quantities import to_degC
 def propose_tests(problem: FitProblem, result: SearchResult, *, count: int = 3) -> tuple[str, ...]:
     """Return one sentence for each proposed test, best test first; empty if all parameters are on a bound.
 
-    The uncertainty of the parameters causes a standard deviation of the force. Each sentence states the
-    relative reduction [%] of this standard deviation after the test and all previous tests.
+    The uncertainty of the parameters causes a standard deviation of the force. Each sentence states by how
+    many percent the proposed test, together with the tests listed before, reduces this standard deviation.
     """
     names = [estimate.name for estimate in result.estimates if not estimate.at_bound]
     if not names:

@@ -13,14 +13,14 @@ class ConfidenceSettings:
     even seeds. The table in ``docs/uncertainty.md`` shows the coverage on other runs.
     """
 
-    refit_steps: int = 2  # search steps of each refit in a cross-validation; four change the band by 2 %
+    refit_steps: int = 2  # search steps of each refit in a cross-validation; 4 steps change the band by 2 %
     band_coverage: float = 0.9  # fraction of the samples inside the band
     # The following two ratios define the shape of the force band before its width is scaled.
     band_run_ratio: float = 0.15  # half width at zero force, divided by the rms force of the run
-    band_base_ratio: float = 0.1  # half width of a run with a small force, divided by the median rms force
-    band_spread: float = 0.4  # standard deviations between folds that are added to the mean width of the band
-    # Relative increase of the width per unit of additional distance (factor e in size or speed of the
-    # motion).
+    band_base_ratio: float = 0.1  # half width for very small forces, divided by the median rms force of runs
+    band_spread: float = 0.4  # The band is wider than the mean over folds by this many standard deviations.
+    # Relative increase of the width for a motion that differs from all fitted motions by a further
+    # factor e in size or speed.
     band_widening: float = 1.5
     correlation_min: float = 0.95  # Correlations of a larger magnitude are reported.
     correlations_max_count: int = 4  # max number of correlations that are reported with parameter names
@@ -30,14 +30,14 @@ class ConfidenceSettings:
         500  # max number of batches; if fewer samples are accepted than requested, an error is raised
     )
 
-    # Proposed tests
-    proposal_amplitude_ratios: tuple[float, ...] = (1.0, 0.5, 0.2)  # amplitude / half the stroke
+    # Sines that are candidates for proposed tests
+    proposal_amplitude_ratios: tuple[float, ...] = (1.0, 0.5, 0.2)  # amplitude divided by half the stroke
     proposal_frequency_count: int = 3
     proposal_command_count: int = 3
     proposal_period_count: int = 2
     proposal_samples_per_period: int = 200
     proposal_velocity_ratio_min: float = 0.03  # peak velocity / maximum velocity of the runs
-    prior_information_ratio: float = 1e-7  # regularisation of the information matrix with a unit diagonal
+    prior_information_ratio: float = 1e-7  # added to the unit diagonal of the scaled information matrix
 
 
 DEFAULT_SETTINGS = ConfidenceSettings()

@@ -3,8 +3,8 @@
 The *sensitivity* to a cause is the change of the model force per unit of the cause. The size follows from a
 linear regression of the residual on the sensitivity. The model parameters have partly adapted to a wrong run.
 Therefore the part that the parameters can reproduce is first projected out of residual and sensitivity. To
-first order, the size equals the estimate of a fit with the cause as an additional parameter. The parameters
-have not adapted to a run that was not fitted. Therefore this run is used without projection.
+first order, the size equals the estimate of a fit with the cause as an additional parameter. A run that was
+not used in the fit needs no projection, because the parameters have not adapted to this run.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ class RunResidual:
     model: FloatArray  # simulated force [N]
     residual: FloatArray  # measured minus simulated force [N]
     columns: FloatArray  # d force / d parameter, shape (parameters, n); zero if the run is not fitted
-    directions: Mapping[str, FloatArray]  # d force / d cause by name of the cause, shape (n,)
-    weight: float  # weight of a squared newton in the cost [%^2 / N^2]
+    directions: Mapping[str, FloatArray]  # key: name of the cause; value: d force / d cause, shape (n,)
+    weight: float  # factor of a squared force error in the cost of the fit [%^2 / N^2]
 
     @property
     def force_std_N(self) -> float:
@@ -72,7 +72,7 @@ class ResidualAnalysis:
 
     runs: tuple[PreparedRun, ...]
     residuals: tuple[RunResidual, ...]
-    inverse_curvature: FloatArray  # pseudoinverse of the Gram matrix, shape (parameters, parameters)
+    inverse_curvature: FloatArray  # pseudoinverse of the Gram matrix of ``columns`` of all runs
     gradient: FloatArray  # weighted products of sensitivities and residual; zero at the minimum of the cost
 
     @property
@@ -98,9 +98,9 @@ class ResidualAnalysis:
         return self._effect(kind, dict(enumerate(scales.tolist())))
 
     def _effect(self, kind: str, factors: Mapping[int, float]) -> Effect:
-        """Return the effect of a cause with one common size in some runs.
+        """Return the effect of a cause with one common size in the runs of ``factors``.
 
-        ``factors`` maps the number of each of these runs to the factor of the common size.
+        The keys of ``factors`` are indices of runs. The values multiply the common size.
         """
         coupling, full_power, product, total, count = np.zeros(len(self.gradient)), 0.0, 0.0, 0.0, 0
         for number, factor in factors.items():
@@ -189,7 +189,7 @@ def _command_sensitivity(damper: Damper, fit: FitWindow, model: FloatArray) -> F
 def _time_constant_sensitivity(model: FloatArray, step: float) -> FloatArray:
     """Return the derivative of the force with respect to the time constant of a first-order filter [N/s].
 
-    The derivative is the difference quotient between a typical time constant and zero.
+    The derivative is approximated by the forces with a typical time constant and without a filter.
     """
     filtered, _ = core.first_order_lag(model, step, DEFAULTS.filter_time_constant_s)
     return (filtered - model) / DEFAULTS.filter_time_constant_s

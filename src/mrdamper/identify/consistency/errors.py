@@ -20,7 +20,10 @@ CurrentKind = Literal["constant", "changing"]
 
 @dataclass(frozen=True, slots=True)
 class ErrorSummary:
-    """Statistics of ``nrmse_percent`` over runs, for one kind of error and one kind of current."""
+    """Statistics of ``nrmse_percent`` over the runs with constant current, or with changing current.
+
+    ``kind`` states whether the runs are held-out runs, training runs or runs of the cross-validation.
+    """
 
     kind: ErrorKind
     current: CurrentKind
@@ -60,9 +63,10 @@ def find_contradictions(
 ) -> tuple[Finding, ...]:
     """Return a finding if the training error is much larger than the cross-validation error.
 
-    A model has a larger error on runs that are held out from the fit than on the fitted runs. There are two
-    possible causes if the opposite is true: model selection and final fit used different data, or the final
-    fit is not at the minimum. Only runs with constant current are compared because the fit uses these runs.
+    Normally, the error on the fitted runs is smaller than the error in the cross-validation. A larger error
+    on the fitted runs has two possible causes: model selection and final fit used different data, or the
+    final fit is not at the minimum. Only runs with constant current are compared, because the law is fitted
+    only to such runs.
     """
     constant = {error.kind: error.rms_percent for error in errors if error.current == "constant"}
     training_percent, cv_percent = constant.get("training"), constant.get("cross_validation")

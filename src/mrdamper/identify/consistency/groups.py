@@ -22,9 +22,9 @@ def find_group_deviations(
 ) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
     """Return two tuples: findings about all runs together, and findings about groups of runs.
 
-    A cause is ignored if it explains much less than the best cause. If the forces of a group are delayed, the
-    forces of the other runs appear early and the forces of all runs together appear slightly late. Therefore,
-    if both a group delay and a common deviation are possible, only the better explanation is reported.
+    A cause is ignored if it explains much less than the best cause. If the forces of some runs are delayed,
+    the forces of all runs together also appear slightly late. Therefore, a delay of a group of runs and a
+    delay of all runs are not reported together, but only the better explanation.
     """
     common = list(_common_deviations(analysis, settings))
     gains = [*_two_groups(analysis, "force_gain", settings), *_drift(analysis, settings)]

@@ -27,7 +27,7 @@ from mrdamper.models.damper import Damper
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """Deviation of one run from comparable runs, if one cause explains the whole deviation."""
+    """Deviation of one run from comparable runs, under the assumption of a single cause."""
 
     kind: str  # name of the cause, a key of ``CAUSES``
     size: float  # difference from comparable runs [unit of the cause]
@@ -51,8 +51,8 @@ def find_deviations(
     ----------
     free : names of the fitted parameters that are not at a bound
     suspect : name of the run that was omitted from the fit because it deviated from a former fit
-    is_confirmed : True if the former fit reported the suspect; otherwise the suspect is reported only for a
-        larger deviation
+    is_confirmed : True if the test of the former fit reported the suspect; if False, the thresholds for
+        reporting the suspect are higher
     """
     steady = _steady_runs(runs)
     if len(steady) < settings.run_count_min:
@@ -81,9 +81,9 @@ def find_suspects(
 ) -> tuple[str, ...]:
     """Return the names of at most two suspect runs. The caller repeats the fit without each of them.
 
-    The suspects are the run with the largest deviation and the run with the largest residual. These can be
-    two different runs if the wrong run has the slowest or the fastest motion. The fit then follows the wrong
-    run and deviates from correct runs.
+    The suspects are the run with the largest deviation and the run with the largest residual. The two
+    suspects can differ if the wrong run has the slowest or the fastest motion. The model then fits the wrong
+    run well and correct runs badly.
     """
     steady = _steady_runs(runs)
     if len(steady) < settings.run_count_min:
@@ -155,8 +155,9 @@ def _deviating_runs(
 def _typical_levels(analysis: ResidualAnalysis, settings: ConsistencySettings) -> FloatArray:
     """Return the typical residual of each run: the median over the runs with the same command, shape (runs,).
 
-    At zero current, many models have larger errors. A wrong run, however, increases the residuals of all runs
-    with the same command. Therefore the typical residual is limited to a multiple of the median of all runs.
+    Each command has its own typical residual because many models have larger errors at zero current. But a
+    wrong run distorts the fit and increases the residuals of other runs with the same command. Therefore the
+    typical residual is limited to a multiple of the median of all runs.
     """
     levels, typical = analysis.levels, []
     numbers = _command_levels(analysis.runs, settings)
@@ -177,9 +178,10 @@ def _amounts(
 ) -> tuple[FloatArray, float]:
     """Return the deviation of each run from comparable runs, and the scatter of these deviations.
 
-    Deviations and scatter are divided by the typical residual. The typical sizes of the cause are estimated
-    by least absolute deviations, so that a single run has hardly any influence. Each run is compared with the
-    runs of the same command and motion, or with all runs. The comparison with less scatter is used.
+    The deviation is the difference between the size of the cause in a run and the typical size, times
+    ``per_size``: the rms force per unit of the cause, divided by the typical residual. The typical size comes
+    from runs with the same command and motion, or from all runs; the choice with less scatter is used. The
+    regression uses least absolute deviations, so that a single run has hardly any influence.
     """
     results = []
     for design in (peers, np.ones((len(sizes), 1))):
@@ -258,10 +260,7 @@ def _run_finding(run: PreparedRun, deviation: Deviation) -> Finding:
 def _exchanged_labels(
     analysis: ResidualAnalysis, deviations: Collection[int], settings: ConsistencySettings
 ) -> Iterator[tuple[int, Finding]]:
-    """Generate the run number and the finding of each run that probably has the label of another command.
-
-    Two such runs have exchanged labels.
-    """
+    """Generate the index and the finding of each run whose command label was exchanged with another run."""
     runs, commands = analysis.runs, _commands(analysis.runs)
     shifts_A = np.array([effect.size for effect in analysis.run_effects("command_label")])
     for a, b in permutations(deviations, 2):
