@@ -1,8 +1,8 @@
 """Temperature dependence of the coefficients, and the number of temperatures that a fit requires.
 
 Viscous coefficients follow the viscosity of the fluid (Arrhenius, Reynolds or VFT). Yield forces and friction
-are linear in temperature. ``paper`` is the separable polynomial of Eq. (12) of the reference paper. If the
-runs have only one temperature, the temperature factors of a known fluid can be assumed instead of fitted.
+are linear in temperature. With the kind ``paper``, both follow the temperature polynomial of Eq. (12) of the
+reference paper. If the runs have only one temperature, the factors of a known fluid can be assumed instead.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def temperature_levels(runs: Sequence[PreparedRun]) -> tuple[float, ...]:
 def select_temperature_kind(
     runs: Sequence[PreparedRun], kind: Temperature
 ) -> tuple[tuple[PreparedRun, ...], Temperature, str]:
-    """Return the runs to be fitted, the kind of temperature dependence, and a note if data are ignored.
+    """Return the runs to be fitted, the kind of temperature dependence, and a remark on ignored data.
 
     A ``kind`` other than "auto" is returned unchanged. "auto" becomes "none" if the runs have only one
     temperature, or if fewer than half of the runs have a temperature channel. If at least half of the runs

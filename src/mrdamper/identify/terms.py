@@ -39,7 +39,7 @@ class Scale:
     force: float  # 99.5th percentile of |F| over all runs [N]
     stroke: float  # maximum of |x| [m]
     speed: float  # 99.5th percentile of |v| of the fastest run [m/s]
-    acceleration: float  # 99.5th percentile of |a| of the run with the largest value [m/s^2]
+    acceleration: float  # largest 99.5th percentile of |a| of a run [m/s^2]
     command: float  # maximum of |command| [A or V]
     levels: int  # number of different constant commands; at least 4 if a command changes during a run
     temperatures: tuple[float, ...]  # different temperatures [K]; empty unless all runs have a temperature
@@ -321,7 +321,7 @@ _CHAIN_ARCHETYPES = (
             "thinning_force": 0.3,
         },
     ),
-    Archetype(  # Damper with such a fluid, a softer gap and more leakage.
+    Archetype(  # Damper with a shear-thinning elastic fluid and more leakage, but less stiff in the gap.
         _ELASTIC_TERMS,
         {"gap_stiffness": 2.0, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 40.0},
         is_alternative=True,

@@ -72,7 +72,7 @@ def covariances(
     """
     size = len(names)
     curvature, noise = np.zeros((size, size)), np.zeros((size, size))
-    scores: list[FloatArray] = []  # sums over half cycles, shape (parameters, half cycles)
+    scores: list[FloatArray] = []  # cost gradient of each half cycle, shape (parameters, half cycles)
     tangents = Tangents(damper, names, [run.drive for run in runs])
     for index, run in enumerate(runs):
         s = tangents.evaluate_run(index)

@@ -39,8 +39,8 @@ class FitWindow:
     force: FloatArray  # measured force [N], shape (n,)
     start: int  # index of the first scored sample
     fraction: float  # weight of the window in the cost; all windows of a fit sum up to 1
-    weight: float  # weight of a squared newton in the cost [%^2 / N^2]
-    block: int = 0  # number of the time block (section of the run) that contains the window
+    weight: float  # factor of a squared force error in the cost [%^2 / N^2]
+    block: int = 0  # index of the time block (larger section of the run) that contains the window
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,8 +126,8 @@ def representative_windows(
 ) -> tuple[FitWindow, ...]:
     """Return a subset of windows that represents all runs, with at most ``samples_max`` simulated samples.
 
-    A sample of a slow record counts as several samples if it needs many integration steps. Except for the
-    run indices, the result does not depend on the order of the runs. At least one window is returned.
+    A sample counts as several samples if its sample interval is so long that the simulation needs many
+    integration steps. The order of the runs affects only the run indices. At least one window is returned.
     ``blocks`` is the number of equal time blocks into which each run is divided. No window extends over two
     blocks, and each block has at least one window.
     """
@@ -276,8 +276,8 @@ def _k_center(
 ) -> tuple[list[int], np.ndarray]:
     """Return the indices of the selected windows, and the nearest selected window of every window.
 
-    The indices are in the order of selection. The first selected window is the one nearest to the median of
-    the features. Then every remaining time block contributes one window.
+    The indices are in the order of selection. First, every time block contributes the window nearest to the
+    median of the features. Then the window that is farthest from all selected windows is added repeatedly.
     """
     content = np.lexsort(features.T[::-1])  # Sorting makes the result independent of the order of the files.
     away = np.abs(features - np.median(features, axis=0)).sum(axis=1)
@@ -303,8 +303,8 @@ def _cheapest_alike(
 ) -> int:
     """Return the unselected window near window ``k`` with the smallest simulation cost.
 
-    Only windows of the same run and time block are considered. The first window of a run is cheap because it
-    needs no warm-up: the run starts at rest.
+    Only windows of the same run and time block are considered. The first window of a run has a small cost
+    because the run starts at rest, so that no warm-up is necessary.
     """
     near = [
         j

@@ -1,6 +1,6 @@
 """Test campaigns of the virtual rig: motions, currents, temperatures, and the choice of held-out runs.
 
-The temperature is constant during a run, as in the paper. The module ``measurement`` runs a campaign.
+The temperature is constant during a run, as in the reference paper. ``measurement`` simulates the runs.
 """
 
 from __future__ import annotations
@@ -55,11 +55,11 @@ class Campaign:
     """Test plan: each motion at each current and temperature, and changing currents at each temperature.
 
     Motions have the format of ``motion_from_text``. A periodic motion is logged for whole periods, a chirp to
-    its end, and any other motion for ``duration_s``. Held-out temperatures and motions that are not part of
-    the campaign are removed from the lists. The current steps are made during the motion ``steps_motion``.
-    Lags that are identified from these steps are valid near the speed of this motion
-    (``identify.actuation``). The run with random current and random motion is logged for twice
-    ``duration_s``. The seeds of random current and random motion are different at every temperature.
+    its end, and any other motion for ``duration_s``. Held-out temperatures and motions are ignored if the
+    campaign does not contain them. The current steps are made during the motion ``steps_motion``. Lags that
+    are identified from these steps are valid near the speed of this motion (``identify.actuation``). The run
+    with random current and random motion is logged for twice ``duration_s``. The seeds of random current and
+    random motion are different at every temperature.
     """
 
     motions: tuple[str, ...] = ("sine5mm1Hz", "sine3mm2Hz", "nonperiodic", "chirp3mm")
@@ -141,7 +141,8 @@ class Campaign:
 
     def _random_run(self, name: str, current: RandomCurrent, degrees: float, *, held_out: bool) -> PlannedRun:
         """Return the plan of the run with random current; the seeds depend on the temperature."""
-        more = round(10.0 * degrees) + 10_000  # increment of the seeds; positive down to -1000 degC
+        # The seeds grow with the temperature. The constant keeps the increment positive, as seeds must be.
+        more = round(10.0 * degrees) + 10_000
         motion = motion_from_text(self.random_motion)
         if isinstance(motion, RandomMotion):
             motion = replace(motion, seed=motion.seed + more)
@@ -166,10 +167,10 @@ class Campaign:
 
     @classmethod
     def from_mapping(cls, given: Mapping[str, Any], place: str = "campaign") -> Campaign:
-        """Return the campaign in a TOML document.
+        """Return the campaign that a TOML document defines.
 
-        If the document has the key ``preset``, missing values are taken from the default campaign of this
-        damper. Otherwise missing values have the defaults of this class.
+        If the document has the key ``preset`` (name of a damper), missing values are taken from the default
+        campaign of the named damper. Otherwise missing values have the defaults of this class.
         """
         try:
             usual = default_campaign(find_preset(given["preset"])) if "preset" in given else cls()
@@ -226,7 +227,7 @@ def find_campaign(name: str | Path) -> Campaign:
 
 
 def _degrees(temperature_degC: float) -> str:
-    """Return a temperature as text for run names: three digits, and one decimal if it is not zero."""
+    """Return a temperature as text for run names: three digits, and a decimal if it is not an integer."""
     whole = float(temperature_degC).is_integer()
     return f"{temperature_degC:03.0f}C" if whole else f"{temperature_degC:05.1f}C"
 

@@ -60,7 +60,7 @@ class HydraulicDamper:
     rest_Pa_K: NotNegative = 8000.0  # kp0: increase of the pressure at rest per kelvin
     air: Annotated[float, Option(above=0.0, below=1.0)] = 0.005  # volume fraction of bubbles at 1 atm
     bulk_Pa: Positive = 1.5e9  # El0: bulk modulus of the liquid
-    bulk_per_K: NotNegative = 0.0045  # kE of the bulk modulus El0 exp(-kE dT)
+    bulk_per_K: NotNegative = 0.0045  # kE: the bulk modulus at dT above 20 degC is El0 exp(-kE dT)
     expansion_per_K: NotNegative = 6e-4  # alT: thermal expansion of the fluid
     # valve
     slot_diameter_m: Positive = 0.034  # mean diameter of the annular gap; its circumference is wv
@@ -73,24 +73,27 @@ class HydraulicDamper:
     # fluid
     density_kg_m3: Positive = 3000.0  # rho: density of the fluid
     carrier_kg_m3: Positive = 900.0  # rhoc: density of the carrier liquid
-    particle_share: Annotated[float, Option(above=0.0, below=0.6)] = 0.32  # phi20: volume fraction at 20 degC
-    walther_a: Positive = 2.863929  # Aw of log10 log10(nu + 0.7 cSt) = Aw - Bw log10 T (ASTM D341)
+    # phi20: volume fraction of the iron particles at 20 degC
+    particle_share: Annotated[float, Option(above=0.0, below=0.6)] = 0.32
+    # Viscosity nu of the carrier liquid: log10 log10(nu + 0.7 cSt) = Aw - Bw log10 T (ASTM D341)
+    walther_a: Positive = 2.863929
     walther_b: Positive = 1.028887
-    viscosity_scale: Positive = 1.0  # factor on the viscosity
+    viscosity_scale: Positive = 1.0  # The viscosity is multiplied by this factor.
     flow_index: Positive = 0.92  # nhb: exponent of the Herschel-Bulkley law
-    flow_rate_1_s: Positive = 1000.0  # gref: shear rate at which the stress equals that of a Bingham fluid
+    flow_rate_1_s: Positive = 1000.0  # gref: shear rate at which a Bingham fluid has the same stress
     creep: Positive = 300.0  # viscosity before yield divided by the viscosity after yield
-    passive_least: NotNegative = 0.8  # cinf: viscosity ratio of the passive slot at infinite shear rate
-    passive_thinning: NotNegative = 1.0  # cv: decrease of the viscosity ratio by shear thinning
-    passive_s: NotNegative = 0.002  # lam: shear rate 1 / lam at which half of this thinning is reached
+    # The viscosity is cinf + cv / (1 + lam * shear rate) times as large in the passive part of the gap.
+    passive_least: NotNegative = 0.8  # cinf
+    passive_thinning: NotNegative = 1.0  # cv
+    passive_s: NotNegative = 0.002  # lam
     yield_Pa: NotNegative = 52e3  # ts: yield stress at magnetic saturation
-    yield_A_m: Positive = 90e3  # Ha of the yield stress ts (1 - exp(-(H / Ha)^1.5))
+    yield_A_m: Positive = 90e3  # Ha: the yield stress at field strength H is ts (1 - exp(-(H / Ha)^1.5))
     yield_least_Pa: Positive = 25.0  # t00: yield stress without magnetic field
     fade_degC: float = 185.0  # Tm: centre of the decrease of the yield stress with temperature
     fade_K: Positive = 33.0  # wm: width of the decrease of the yield stress with temperature
     fluid_T: Positive = 0.62  # Js: saturation polarisation of the fluid
-    fluid_A_m: Positive = 85e3  # Hsf: field strength of the saturation of the fluid
-    fluid_lag_s: Positive = 8e-4  # tauf: lag of the fluid structure behind the flux
+    fluid_A_m: Positive = 85e3  # Hsf: field strength at half of the saturation polarisation
+    fluid_lag_s: Positive = 8e-4  # tauf: time constant with which the fluid structure follows the flux
     # coil, magnet and driver
     turns: Positive = 190.0  # Nt: number of turns of the coil
     coil_ohm: Positive = 5.0  # R20: coil resistance at 20 degC
@@ -104,24 +107,24 @@ class HydraulicDamper:
     pole_m2: Positive = 9.6e-4  # Ag: area of a pole
     core_m: Positive = 0.09  # lc: length of the flux path in the steel
     permeability: Positive = 900.0  # mur: relative permeability of the steel
-    knee_T: Positive = 1.45  # Bk: saturation of the steel
-    knee_exponent: Positive = 9.0  # ns: exponent of the saturation
+    knee_T: Positive = 1.45  # Bk: flux density at which saturation doubles the field strength in the steel
+    knee_exponent: Positive = 9.0  # ns: the field strength in the steel grows by the factor 1 + (B / Bk)^ns
     stop_1_T: Positive = 0.05  # r1: half width of the first stop operator of the magnetic hysteresis
     stop_2_T: Positive = 0.35
-    stop_1_A_m: NotNegative = 60.0  # a1: field strength of the first stop operator
+    stop_1_A_m: NotNegative = 60.0  # a1: field strength that the first stop operator adds at its limit
     stop_2_A_m: NotNegative = 110.0
     stop_lag_s: Positive = 3e-4  # taum: time constant of the magnetic viscosity
     driver_V_A: NotNegative = 20.0  # Kp: proportional gain of the current controller
     driver_V_A_s: NotNegative = 3000.0  # Ki: integral gain of the current controller
-    driver_release_1_s: NotNegative = 400.0  # Kaw: anti-windup rate of the integral at a voltage limit
-    supply_low_V: Annotated[float, Option(most=0.0)] = -24.0  # Vlo; zero: a single-quadrant driver
+    driver_release_1_s: NotNegative = 400.0  # Kaw: gain of the anti-windup (back-calculation) of the integral
+    supply_low_V: Annotated[float, Option(most=0.0)] = -24.0  # Vlo: lower voltage limit; 0: single quadrant
     supply_V: Positive = 24.0  # Vhi: upper voltage limit
     highest_A: Positive = 2.5  # Imax: the driver limits the command to this current
     command_lag_s: Positive = 3e-4  # tauc: lag of the command
     # piston, joint and seal
     piston_kg: Positive = 0.45  # ms: moving mass
-    pin_N: NotNegative = 2e9  # kH [N/m^1.5]: contact stiffness of a pin beyond its free play
-    pin_s_m: NotNegative = 0.15  # alh: damping of the contact
+    pin_N: NotNegative = 2e9  # kH [N/m^1.5]: contact stiffness of the pin in the joint between rod and piston
+    pin_s_m: NotNegative = 0.15  # alh: damping of the contact of the pin (Hunt-Crossley)
     joint_gap_m: NotNegative = 1.5e-5  # gapj: free play of the joint
     joint_N_m: NotNegative = 0.0  # kb: linear stiffness of a rubber joint
     joint_N_m3: NotNegative = 0.0  # k3: cubic stiffness of a rubber joint
@@ -132,7 +135,7 @@ class HydraulicDamper:
     friction_1_Pa: NotNegative = 1.5e-7  # kps: relative increase of friction per pascal on the seal
     friction_share: _Share = 0.5  # wps: weight of chamber 1 in the pressure on the seal
     friction_N_m: Positive = 6e5  # kf: stiffness of the friction elements before sliding
-    friction_N_s_m: Positive = 400.0  # cf: damping of the viscous sliders
+    friction_N_s_m: Positive = 400.0  # cf: damping of the friction elements during sliding
     friction_per_K: NotNegative = 0.0015  # fT: relative decrease of friction per kelvin
 
     def __post_init__(self) -> None:

@@ -73,24 +73,25 @@ class LumpedDamper:
     # yield force and pre-yield stiffness
     yield_N: Positive = 12.0  # Fy0: yield force without field
     yield_field_N: NotNegative = 1300.0  # Fym: additional yield force at full field (g = 1)
-    yield_loss_per_K: NotNegative = 0.0014  # kT: relative loss of the parts Fym and s1 per kelvin
-    low_field_loss: NotNegative = 0.3  # kx: at low field, the loss increases to kT (1 + kx (1 - g))
+    yield_loss_per_K: NotNegative = 0.0014  # kT: relative decrease of Fym and s1 per kelvin
+    low_field_loss: NotNegative = 0.3  # kx: below full field, kT is multiplied by 1 + kx (1 - g)
     stiffness_N_m: Positive = 1.2e6  # s0: stiffness without field
     stiffness_field_N_m: NotNegative = 5e6  # s1: additional stiffness at full field (g = 1)
     spread: Annotated[float, Option(least=0.0, most=0.5)] = (
-        0.15  # weight of each of the bristles with 1/4 and 4 times the stiffness
+        0.15  # weight of the soft bristle (stiffness times 1/4), and also of the stiff bristle (times 4)
     )
     asymmetry: Annotated[float, Option(least=-0.9, most=0.9)] = (
         0.015  # relative increase of the yield force in extension, equal to the decrease in compression
     )
-    position: NotNegative = 0.0  # relative increase of the yield force at x = 5 mm; proportional to x^2
+    position: NotNegative = 0.0  # relative increase of the yield force at x = 5 mm; it grows with x^2
     # viscous force
     viscous_N: NotNegative = 250.0  # Fv0: viscous force at the reference speed
     viscous_m_s: Positive = 0.0314  # reference speed of the viscous force
     viscous_exponent: Positive = 0.88  # nv: exponent of the speed in the viscous force
     viscous_field: NotNegative = 0.15  # kvb: the field increases the viscous force by the factor 1 + kvb g
-    viscosity_K: NotNegative = 404.0  # B of the temperature factor exp(B / (T - T0))
-    viscosity_pole_K: Annotated[float, Option(least=0.0, most=200.0)] = 153.15  # T0; zero: Arrhenius law
+    # B and T0 of the viscosity, which is proportional to exp(B / (T - T0)); T0 = 0 is Arrhenius' equation
+    viscosity_K: NotNegative = 404.0
+    viscosity_pole_K: Annotated[float, Option(least=0.0, most=200.0)] = 153.15
     # friction
     friction_N: NotNegative = 40.0  # Fc: sliding friction force
     friction_static: NotNegative = 1.5  # static divided by sliding friction
@@ -100,7 +101,7 @@ class LumpedDamper:
     # spring, offset and compliance
     spring_N_m: NotNegative = 1500.0  # k1: stiffness of a parallel spring
     offset_N: float = 6.0  # f0: constant force
-    leak_N_s_m: Positive = 1.5e6  # c1: dashpot (leak) in series with yield and viscous force; oil compliance
+    leak_N_s_m: Positive = 1.5e6  # c1: dashpot in series with yield and viscous force, for the oil compliance
 
     def __post_init__(self) -> None:
         check_parameters(self, self.name)
@@ -132,8 +133,9 @@ class LumpedDamper:
 _NOMINAL = LumpedDamper()
 
 _PRESETS = (
-    # This preset is used only for the thermal claims of the paper. paper.solve_thermal_claims() computes the
-    # last three values.
+    # This preset reproduces the peak force and the thermal loss of force that the reference paper claims. The
+    # function solve_thermal_claims() in tests/oracles/paper_preset.py computes yield_field_N and all later
+    # parameters.
     replace(
         _NOMINAL, name="paper", coil_ohm=4.2, viscous_exponent=1.0, viscous_field=0.0, low_field_loss=0.0,
         viscosity_K=1435.5, viscosity_pole_K=0.0,

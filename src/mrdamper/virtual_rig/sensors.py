@@ -67,8 +67,8 @@ class Sensors:
     ) -> Readings:
         """Return the sensor signals for exact signals that have the time step of the simulated damper.
 
-        The first logged sample is the first sample of the reference signals. If the ``acceleration`` of the
-        rod [m/s^2] is given, the inertia force of the mass at the force cell is added to the force.
+        The log begins at the first sample of the exact signals. If the ``acceleration`` of the rod [m/s^2] is
+        given, the inertia force of the mass at the force cell is added to the force.
         """
         every = self.steps_per_sample
         x, f, true = displacement[::every], force[::every], temperature_degC[::every]
