@@ -1,1 +1,1 @@
-"""Comparison of the demo on the virtual rig with the claims and figures of the paper."""
+"""Comparison of ``mrdamper demo``, a run on simulated data, with the claims of the reference paper."""

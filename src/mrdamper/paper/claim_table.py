@@ -1,6 +1,7 @@
-"""All quantitative claims of the paper, with the functions that compute and compare the simulated values.
+"""All quantitative claims of the reference paper, and functions that compute and compare simulated values.
 
-Rows are numbered in the order of the paper. Values that were calibrated with the paper have no verdict.
+Rows are numbered in the order of the paper. A simulated value has no verdict if the model was calibrated with
+the value in the paper.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ def claims_of(found: Findings) -> list[Claim]:
     return [row.claim_of(found) for row in TABLE if row.when(found)]
 
 
-# ------------------------------------------------------------------------------------------- reasons
+# --------------------------------------------------------------------- explanations of single claims
 
 
 def _limits_why(found: Findings) -> str:
@@ -186,7 +187,7 @@ _MODELS: tuple[_Model, ...] = (
     ("N", "our law", _OURS, lambda found: found.judged),
 )
 
-# ------------------------------------------------------------------------------------------- the table
+# ------------------------------------------------------------------------------------- rows of the table
 
 _TESTS_AND_FLUID = (
     Row(
@@ -246,7 +247,7 @@ _TESTS_AND_FLUID = (
         claim="rheometer_shear_rate_1_s",
         statement="Rheometer: 0.314 ml, gap 1 mm, “shear rate 10 rpm”",
         paper="10 rpm",
-        ours=lambda _: 2.0 * np.pi * 10.0 / 60.0 * 10.0,  # angular speed times radius divided by gap
+        ours=lambda _: 2.0 * np.pi * 10.0 / 60.0 * 10.0,  # shear rate: angular speed times radius / gap
         unit="1/s at the rim",
         origin="follows from an input",
         contradicts=lambda _: abs(_PLATE_ml - 0.314) < 5e-4,

@@ -19,7 +19,7 @@ HALF_HOUR_S, LIMIT_TEST_S = 1800.0, 2100.0
 _PAPER_ERROR_RATIO = 62.5 / 900.0  # maximum control error in the paper, divided by the target force
 _STILL_AIR_W_m2K = 15.0  # upper bound of the heat-transfer coefficient of a damper without fins in still air
 
-# ------------------------------------------------------------------------------------------- tests and fluid
+# ------------------------------------------------------------------------ values of the tests and the fluid
 
 
 def speed_mm_s(motion: str) -> float:
@@ -71,7 +71,7 @@ def collapse_begins(found: Findings) -> float | None:
     return float(warm[int(np.argmax(left < 0.9))])
 
 
-# ------------------------------------------------------------------------------------------- forces and heat
+# ------------------------------------------------------------------------- values of forces and heating
 
 
 def peak_losses(found: Findings) -> dict[float, float]:
@@ -95,9 +95,9 @@ def _nearest(values: dict[int, float], degrees: float) -> float | None:
 
 
 def bare(found: Findings) -> Rise:
-    """Return the simulated temperature rise without fins at 15 mm."""
+    """Return the simulated heating of the damper without fins at an amplitude of 15 mm."""
     rise = found.warm_up.bare
-    assert rise is not None  # The damper of the paper has fins.
+    assert rise is not None  # None only for a damper without fins; the damper of the reference paper has fins
     return rise
 
 
@@ -109,16 +109,17 @@ def temperature_at(rise: Rise, what: Literal["fluid", "wall"], time_s: float) ->
 
 
 def small_bare_degC(found: Findings) -> float:
-    """Return the temperature of the damper without fins after 30 min at 5 mm [degC]."""
+    """Return the fluid temperature after 30 min at 5 mm amplitude, for the damper without fins [degC]."""
     small = found.small.bare
-    assert small is not None  # The damper of the paper has fins.
+    assert small is not None  # None only for a damper without fins; the damper of the reference paper has fins
     return temperature_at(small, "fluid", HALF_HOUR_S)
 
 
 def slim_damper_degC(found: Findings) -> float:
     """Return the steady temperature of a finless damper of 23 mm diameter [degC].
 
-    The power is equal to the power of the simulated damper at 120 degC.
+    The heating power is the sum of the power that the simulated damper dissipates at 120 degC and the initial
+    electric power of its coil.
     """
     body = found.warm_up.drawing.body
     surface = np.pi * 0.023 * (body.length + 0.5 * 0.023)
@@ -154,7 +155,7 @@ def loss_percent(rise: Rise, time_s: float) -> float:
     return float(100.0 * (1.0 - np.interp(time_s, rise.time, rise.peak_force_N) / cold))
 
 
-# -------------------------------------------------------------------------------- model and tracking
+# --------------------------------------------------------------- values of the model and force tracking
 
 
 def rmse_at(judged: Assessment, degrees: float) -> float | None:
@@ -197,9 +198,10 @@ def unaware_ratio(found: Findings, aware: str, unaware: str) -> float | None:
 
 
 def works_up_to_degC(found: Findings, controller: str) -> float | None:
-    """Return the highest temperature up to which the error ratio does not exceed the paper [degC].
+    """Return the highest temperature [degC] up to which the control error is acceptable.
 
-    Return None if the ratio is larger at the lowest tested temperature.
+    The RMS error must not exceed the maximum error that the reference paper reports. Return None if the error
+    is larger at the lowest tested temperature.
     """
     rows = [r for r in found.track.rows if (r.controller, r.target) == (controller, "sine-900N-1Hz")]
     works = None

@@ -24,16 +24,17 @@ from mrdamper.thermal.dissipation import LoopWork
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Findings:
-    """Results of the jobs. The thermal simulations use the preset ``paper`` of the virtual rig."""
+    """Results of all jobs of the demo. Thermal simulations use the preset ``paper`` of the virtual rig."""
 
     fitted: Identification  # fit of the selected law to runs of the preset ``nominal``
-    judged: Assessment  # assessment of this fit
-    paper_law: Assessment  # fit of the law of the paper (Bouc-Wen with polynomials) to the same runs
+    judged: Assessment  # assessment of the fit ``fitted``
+    # assessment of a fit of the reference paper's law (Bouc-Wen with polynomials) to the same runs
+    paper_law: Assessment
     fluid: Fluid
     warm_up: HeatResult  # heating at 15 mm, 1 Hz, 2 A for 35 min, also above the temperature limit
     small: HeatResult  # heating at 5 mm, 1 Hz
     fast: HeatResult  # heating at 3 mm, 2 Hz
-    works: tuple[tuple[str, LoopWork], ...]  # name and dissipated work of these three motions
+    works: tuple[tuple[str, LoopWork], ...]  # load cycle and dissipated work of the three heating simulations
     sink: HeatsinkResult
     track: TrackResult
 
@@ -110,7 +111,7 @@ class Row:
     judged : function that returns the verdict; None: the claim has no verdict
     against : function that returns the value to compare with; None: the value of the paper
     contradicts : function that returns True if the claim contradicts another claim of the paper, or physics
-    when : function that returns False if the demo has no such value, so that the claim is omitted
+    when : function that returns False if the demo lacks the simulated value; the claim is then omitted
 
     Raises
     ------
@@ -183,7 +184,7 @@ def judge(
 def tolerance_judge(
     within: float = 0.0, *, less_is_better: bool = False, more_is_better: bool = False
 ) -> Judge:
-    """Return a function like ``judge`` with the given tolerance, for the field ``judged`` of a row."""
+    """Return ``judge`` with fixed tolerance and direction, as a function of two values for ``Row.judged``."""
 
     def verdict(ours: float, paper: float) -> Verdict:
         return judge(ours, paper, within=within, less_is_better=less_is_better, more_is_better=more_is_better)
@@ -192,5 +193,5 @@ def tolerance_judge(
 
 
 def is_larger(ours: float, paper: float) -> Verdict:
-    """Return the verdict for a claim that one value is larger than another, without a number."""
+    """Return the verdict for a claim that states only which of two values is larger."""
     return "within" if ours > paper else "contradicts"

@@ -55,7 +55,7 @@ LABEL = "simulated: virtual rig, damper nominal; not measured"
 CONTROL_LAW = "double-bouc-wen"
 NOISE_SEED = 0
 _USUAL = DemoOptions()
-_WARM_UP = "sine:15mm:1Hz:2A:2100s"  # 35 min as in the paper
+_WARM_UP = "sine:15mm:1Hz:2A:2100s"  # heating for 35 min, as in the reference paper
 _HALF_HOUR = "sine:15mm:1Hz:2A:1800s"
 _OTHERS = ("sine:5mm:1Hz:2A:1800s", "sine:3mm:2Hz:2A:1800s")
 _WARMED = Campaign(
@@ -108,7 +108,7 @@ def demo(options: DemoOptions = _USUAL, *, on_progress: Progress = silent) -> De
     steps = _report_steps(on_progress)
     quick = options.quick
     settings = FitSettings(random_start_count=1 if quick else 3)  # settings of all fits except the selection
-    with interrupt_ends_all():  # Claims require complete fits, so that an interrupt ends the demo.
+    with interrupt_ends_all():  # Incomplete fits cannot confirm claims. Therefore an interrupt ends the demo.
         next(steps)
         campaign = rig(RigOptions(seed=NOISE_SEED), campaign=_QUICK if quick else Campaign())
         dataset, hold_out = _read_back(campaign), campaign.campaign.hold_out
@@ -119,7 +119,7 @@ def demo(options: DemoOptions = _USUAL, *, on_progress: Progress = silent) -> De
         next(steps)
         literal_options = FitOptions(temperature="paper", hold_out=hold_out)
         literal = fit(dataset, "bouc-wen", options=literal_options, settings=settings)
-        # The controllers of the paper need a Bouc-Wen model.
+        # The controllers of the reference paper are derived from a Bouc-Wen model.
         all_runs = FitData.prepare(dataset, settings=settings, hold_out=hold_out)
         control = fit_law(all_runs, CONTROL_LAW)
         control_card = control.card(title=f"{CONTROL_LAW} for controllers", sources=(LABEL,))

@@ -32,7 +32,7 @@ _FIELDS_T = (0.1, 0.2, 0.4, 0.6)
 
 @dataclass(frozen=True, slots=True)
 class PaperFigure:
-    """A figure of the report; ``figures`` has the numbers of the figures in the paper that it reproduces."""
+    """A figure of the report that reproduces the figures with the numbers ``figures`` in the paper."""
 
     figures: str
     title: str
