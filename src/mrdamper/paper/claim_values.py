@@ -97,7 +97,7 @@ def _nearest(values: dict[int, float], degrees: float) -> float | None:
 def bare(found: Findings) -> Rise:
     """Return the simulated heating of the damper without fins at an amplitude of 15 mm."""
     rise = found.warm_up.bare
-    assert rise is not None  # None only for a damper without fins; the damper of the reference paper has fins
+    assert rise is not None  # The result is None only for a damper that has no fins.
     return rise
 
 
@@ -111,7 +111,7 @@ def temperature_at(rise: Rise, what: Literal["fluid", "wall"], time_s: float) ->
 def small_bare_degC(found: Findings) -> float:
     """Return the fluid temperature after 30 min at 5 mm amplitude, for the damper without fins [degC]."""
     small = found.small.bare
-    assert small is not None  # None only for a damper without fins; the damper of the reference paper has fins
+    assert small is not None  # The result is None only for a damper that has no fins.
     return temperature_at(small, "fluid", HALF_HOUR_S)
 
 

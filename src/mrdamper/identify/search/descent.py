@@ -4,10 +4,11 @@ Each descent has a separate damping parameter. Each step solves the damped norma
 every coordinate: the bounds of the search and a maximum step. A coordinate that reaches a bound is fixed
 there, and the equations are solved again for the other coordinates.
 
-The linear parameters of a trial are predicted by linear extrapolation from the current point. The elimination
-then changes them only by an amount of second order in the step. Therefore one kernel call is sufficient for
-the cost and the next Gauss-Newton matrix. If the prediction was too inaccurate, the call is repeated with the
-best linear parameters. The call is also repeated after a failed step, before the step is shortened.
+The linear parameters of a trial are predicted by linear extrapolation from the last accepted point. The error
+of the predicted values is of second order in the step. Therefore one kernel call with the predicted values is
+sufficient for the cost and the next Gauss-Newton matrix. If the prediction was too inaccurate, the call is
+repeated with the best linear parameters. After a failed step, the call is also repeated before the step is
+shortened.
 
 Method: Marquardt, J. SIAM 11 (1963) 431-441; update of the damping: Nielsen, report IMM-REP-1999-05 (1999).
 """
@@ -85,7 +86,8 @@ class Descents:
         step, gain = self._steps(k)
         is_useless = ~step.any(axis=1) | ~np.isfinite(gain)
         is_useless |= (gain >= 0.0) & (gain <= NUMERICS.predicted_gain_min * self.costs[k])
-        is_downhill = ~is_useless & (gain > 0.0)  # A step that is clipped at a bound can increase the cost.
+        # The predicted gain is negative if clipping at a bound has turned the step uphill.
+        is_downhill = ~is_useless & (gain > 0.0)
         self._fail(k[is_useless], self._finish)
         self._fail(k[~is_useless & ~is_downhill], self._shorten)
         k, step, gain = k[is_downhill], step[is_downhill], gain[is_downhill]

@@ -64,8 +64,8 @@ class GramSums:
         self._records = tuple(run.drive.record for run in self._runs)
         self._measured = tuple(run.force for run in self._runs)
         self._starts = tuple(run.start for run in self._runs)
-        # This matrix, one per group of runs, converts the kernel's columns (tangents of coefficients,
-        # residual) to the rows of the result (tangents of parameters, residual).
+        # The kernel returns tangents of coefficients and the residual. For each group of runs, a matrix
+        # converts the tangents of coefficients to tangents of parameters.
         width = len(self._levels.places) + 1
         self._spread = np.zeros((1, len(groups), self._size, width))
         self._spread[..., : len(wanted), : len(self._levels.places)] = self._levels.combine

@@ -103,11 +103,11 @@ class Objective:
     def eliminate(
         self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True, is_repeated: bool = False
     ) -> Eliminated:
-        """Return parameter sets with their best linear parameters, starting from the guess ``linear``.
+        """Replace the linear parameters ``linear`` of each parameter set by the best linear parameters.
 
-        If ``tangents`` is False, no Gram matrix is returned. A cost is the difference of two sums, which are
-        about as large as the cost of the guess. If rounding errors dominate this difference, the elimination
-        is repeated once from its own result.
+        If ``tangents`` is False, no Gram matrix is returned. The new cost is computed as the initial cost
+        minus the improvement. If rounding errors dominate the difference, the elimination is repeated once,
+        with the new linear parameters as initial values.
         """
         g = self.sums(nonlinear, linear, tangents=tangents)
         skip = len(self.nonlinear) if tangents else 0
@@ -156,14 +156,15 @@ class Objective:
         hessian, gradient = g[:, :n, :n], g[:, :n, -1]
         if g.shape[1] == n + 1:
             return hessian, gradient, np.empty((len(g), 0, n))
-        # Otherwise a linear parameter without effect could get an arbitrarily large value.
+        # Without regularisation, a linear parameter without effect could get an arbitrarily large value.
         inner = g[:, n:-1, n:-1] + np.diag(self._light)
         both = np.concatenate([g[:, n:-1, :n], g[:, n:-1, -1:]], axis=2)
         rows = self._rows
         if len(rows):
             slack = linear @ rows.T - self._floor
             active = slack <= 1e-7 * (np.abs(linear) @ np.abs(rows).T)
-            if active.any():  # Conditions that hold with equality continue to hold with equality.
+            if active.any():
+                # A coefficient at its limit stays at its limit. A stiff penalty enforces this.
                 spread = 1.0 / np.maximum(np.diagonal(inner, axis1=1, axis2=2), 1e-300)
                 stiffness = NUMERICS.active_stiffness * active / (spread @ (rows**2).T)
                 inner = inner + (rows.T * stiffness[:, None, :]) @ rows
@@ -193,9 +194,9 @@ def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
 def _bounded_least_squares(
     matrix: FloatArray, right: FloatArray, rows: FloatArray, floor: FloatArray
 ) -> FloatArray:
-    """Minimise x'Mx/2 - r'x subject to ``rows`` x >= ``floor``, for several M, r and floors.
+    """Minimise x'Mx/2 - r'x subject to R x >= f. ``matrix`` (M), ``right`` (r) and ``floor`` (f) are stacked.
 
-    If the unconstrained minimum satisfies the conditions, this is the result.
+    The conditions are ignored if the unconstrained minimum satisfies them.
     """
     solution = solve_scaled(matrix, right[..., None])[..., 0]
     if len(rows):
@@ -221,7 +222,8 @@ def _nearest_valid(
     projected = half.T @ rows.T
     size = inverse_sizes(projected.T @ projected)
     projected *= size
-    # A product with its own transpose is positive semi-definite in spite of rounding errors.
+    # The dual matrix is computed as a product with its transpose. It is then positive semi-definite in spite
+    # of rounding errors, as the Cholesky decomposition requires.
     regular = NUMERICS.multiplier_regularisation * np.eye(len(rows))
     root = np.linalg.cholesky(projected.T @ projected + regular).T
     slack = size * (rows @ solution - floor)

@@ -12,7 +12,7 @@ elimination. ``objective`` contains the elimination, ``descent`` the steps, and 
 1. Compare random points (a Latin hypercube) on a few windows of the runs. Start short descents from the best
    points.
 2. Compare the results of these descents and all given dampers on all runs. Start descents with a few steps
-   from the best of them, but from only one of several with nearly equal costs.
+   from those with the smallest costs. If several have nearly equal costs, use only one.
 3. Continue the best descent until it converges.
 
 Method: Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432; Kaufman, BIT 15 (1975) 49-57.
@@ -175,15 +175,15 @@ def thorough_starts(
 ) -> list[Damper]:
     """Search for local minima of the cost on ``windows``; return dampers at different minima, best first.
 
-    The minima are found on ``search_windows``, which can be a part of ``windows``. Descents on ``windows``
-    then start from the best of them.
+    The minima are searched on ``search_windows``, which can be a part of ``windows``. Descents on ``windows``
+    then start from the best minima.
 
     The search begins with descents from given dampers and random points. Rounds of further descents follow.
-    Some start from the best minimum after some coefficients are replaced by values from a different minimum
-    (memetic algorithm, Moscato & Cotta, Handbook of Metaheuristics (2003) 105-144). One descent of each round
-    starts from a random perturbation of the best minimum (basin hopping, Wales & Doye, J. Phys. Chem. A 101
-    (1997) 5111-5116). The replacement helps because a minimum with a wrong friction can have the right free
-    play. The random numbers are always the same, so that a fit does not depend on a seed.
+    In each round, several descents start from the best minimum with some coefficients replaced by values from
+    a different minimum (memetic algorithm, Moscato & Cotta, Handbook of Metaheuristics (2003) 105-144). For
+    example, the different minimum can have the right free play, but a wrong friction. One more descent starts
+    from a random perturbation of the best minimum (basin hopping, Wales & Doye, J. Phys. Chem. A 101 (1997)
+    5111-5116). The random numbers are always the same, so that a fit does not depend on a seed.
     """
     objective, rng = Objective(problem, search_windows), np.random.default_rng(0)
     box, settings = objective.box, problem.settings
@@ -226,7 +226,7 @@ def thorough_starts(
 
 
 def random_dampers(problem: FitProblem, index: int) -> list[Damper]:
-    """Return copies of the damper whose nonlinear parameters are the points of a Latin hypercube."""
+    """Return copies of the template damper with nonlinear parameters from points of a Latin hypercube."""
     settings = problem.settings
     count = min(settings.draw_count_max, settings.draws_per_parameter * max(len(problem.nonlinear), 2))
     if problem.template.law.kernel is None:
@@ -288,9 +288,9 @@ def continued_starts(
 def _ends(
     objective: Objective, points: FloatArray, linear: FloatArray, iterations_max: int, count: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Run descents; return the points, linear parameters and costs [%^2] at which they end, best first.
+    """Run descents; return their final points, linear parameters and costs [%^2], smallest cost first.
 
-    Of several ends with nearly equal costs only one is returned, and at most ``count`` in total.
+    At most ``count`` results are returned. If several results have nearly equal costs, one is returned.
     """
     descents = Descents(objective, points, linear, most=iterations_max)
     descents.run()
@@ -331,9 +331,9 @@ def descend(
 
 
 def _different(costs: FloatArray, count: int, ratio: float) -> list[int]:
-    """Return indices of the smallest finite costs, smallest first; nearly equal costs are returned once.
+    """Return indices of at most ``count`` finite costs, smallest cost first.
 
-    Two costs are nearly equal if their relative difference is at most ``ratio``.
+    An index is omitted if the relative difference from a smaller selected cost is at most ``ratio``.
     """
     kept: list[int] = []
     for k in np.argsort(costs, kind="stable").tolist():
@@ -347,9 +347,9 @@ def _different(costs: FloatArray, count: int, ratio: float) -> list[int]:
 def best_different(
     objective: Objective, dampers: Sequence[Damper], count: int = 1, ratio: float = 0.0
 ) -> list[Damper]:
-    """Return the dampers with the smallest costs, one of several with nearly equal costs.
+    """Return at most ``count`` dampers with the smallest costs, best first.
 
-    Two costs are nearly equal if their relative difference is at most ``ratio``.
+    A damper is omitted if the relative difference from the cost of a better damper is at most ``ratio``.
     """
     if len(dampers) == 1:
         return list(dampers)

@@ -53,16 +53,17 @@ class FittedCandidate:
 class ValidatedCandidate:
     """A fitted candidate (law with terms) with its errors on held-out windows.
 
-    In the total error, the runs with constant current and the runs with changing current have half of the
-    weight each. Most laboratory runs have constant current, but a controller changes the current all the
-    time. Arrays have one value per window, except ``changing_squared_errors``.
+    The total error is the mean of two errors: on runs with constant current, and on runs with changing
+    current. The two kinds of runs have equal weight because most laboratory runs have constant current, but a
+    controller changes the current all the time. Arrays have one value per window, except
+    ``changing_squared_errors``.
     """
 
     fitted: FittedCandidate  # fit to all windows
     dampers: tuple[Damper, ...]  # one fit per held-out fold, in the order of the folds
-    squared_errors: FloatArray  # [%^2] of each window, when held out from the fit; NaN if never held out
+    squared_errors: FloatArray  # held-out error of each window [%^2]; NaN if no fold holds out the window
     fractions: FloatArray  # weight of each window
-    folds: NDArray[np.intp]  # number of the fold that holds out the window; -1 if no fold does
+    folds: NDArray[np.intp]  # index of the fold that holds out the window; -1 if no fold does
     runs: NDArray[np.intp]  # index of the run of each window
     cpu_s: float
     # Squared error [%^2] of each run with changing current.
@@ -94,7 +95,10 @@ class ValidatedCandidate:
 
     @property
     def training_percent_max(self) -> float:
-        """Training error [%] above which another candidate cannot be better than this candidate."""
+        """Training error [%] above which another candidate must have a larger cross-validation error.
+
+        A cross-validation error is rarely smaller than the training error.
+        """
         return self.cv_rms_percent * (np.sqrt(2.0) if self.changing_squared_errors.size else 1.0)
 
     @property
@@ -126,10 +130,10 @@ class ValidatedCandidate:
         return weights / weights.sum(), errors_percent, folds[first]
 
     def gain_relative_to(self, other: ValidatedCandidate) -> tuple[float, float]:
-        """Return the decrease of the mean error from ``other`` to this candidate, and its t statistic.
+        """Return the relative decrease of the mean error compared with ``other``, and its t statistic.
 
         The t statistic is computed from the error differences of the folds and of the runs with changing
-        current. These two kinds of differences have separate variances.
+        current. The variance is estimated separately for folds and for runs.
         """
         weights, errors_percent, folds = self._run_errors()
         differences = weights * (other._run_errors()[1] - errors_percent)

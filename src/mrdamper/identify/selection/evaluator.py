@@ -98,23 +98,28 @@ class CandidateEvaluator:
             samples_max=min(data.settings.screening_samples_max, settings.screening_fraction * samples_max),
             blocks=blocks,
         )
-        # The last cross-validated damper with an actuation, where the next fit of an actuation starts.
+        # Damper of the last cross-validation. Its delay and lags are initial values of the next fit.
         self._response: Damper | None = None
-        self._level: tuple[float, float] | None = None  # mean force [N] and its slope [N/K], for a gas term
+        # Start value of a gas term: mean force of the runs [N] and its slope versus temperature [N/K]
+        self._level: tuple[float, float] | None = None
         if data.fluid is None and data.temperature != "none":
             self._level = mean_force_level(self.runs, settings.gas_error_percent_min)
         self._asymmetric = asymmetry_percent(self.runs) >= settings.asymmetry_error_percent_min
 
     def problem(self, candidate: Candidate, start: Mapping[str, float] | None = None) -> FitProblem:
-        """Return the fit problem of a candidate. The values in ``start`` are divided by typical values."""
+        """Return the fit problem of a candidate.
+
+        ``start`` has start values of coefficients, divided by the typical values of the runs (``Scale``).
+        """
         return self.data.problem(candidate.law, candidate.terms, start)
 
     def archetypes(self, law: str) -> tuple[Archetype | None, ...]:
         """Return the archetypes (typical sets of terms) with which the selection starts; None: default terms.
 
-        If the mean forces of the runs depend on temperature, every archetype includes a gas force. Otherwise
-        the search would not find the best damper with a gas force. If runs with larger forces also have
-        larger mean forces, an asymmetric version of every archetype is added.
+        If the mean force of a run depends on temperature, every archetype includes a gas force. Without it,
+        the search would not find the best damper with a gas force. If the mean force of a run grows with the
+        amplitude of the force, the damper is asymmetric, and an asymmetric version of every archetype is
+        added.
         """
         return (self._archetypes(law) if self._terms is None else ()) or (None,)
 
@@ -145,7 +150,7 @@ class CandidateEvaluator:
         return CandidateStarts(candidate, starts, float(np.sqrt(cost)))
 
     def fit_starts(self, starts: CandidateStarts, *, with_descent: bool = True) -> FittedCandidate:
-        """Continue the short descents of a candidate, and fit the candidate from their results.
+        """Continue the short descents of a candidate; then fit the candidate, starting at their results.
 
         If ``with_descent`` is False, the best damper in ``starts`` is returned without a fit.
         """
@@ -156,9 +161,9 @@ class CandidateEvaluator:
         return self.fit(candidate, continued_starts(problem, starts.dampers, self.screening_windows))
 
     def fit_alternative(self, archetype: Archetype, fitted: FittedCandidate) -> FittedCandidate:
-        """Fit an alternative set of terms, starting at the fit of the previous set.
+        """Fit an alternative archetype, starting at ``fitted``, the fit of the previous archetype.
 
-        Only the coefficients that differ between the two sets have separate start values.
+        Only the coefficients that differ between the two archetypes are reset to start values.
         """
         return self.fit(fitted.candidate, [self._alternative_start(archetype, fitted)])
 
@@ -226,7 +231,7 @@ class CandidateEvaluator:
         return fitted.damper.with_parameters({name: template[name] for name in own})
 
     def _archetype_points(self, candidate: Candidate, archetype: Archetype) -> list[Damper]:
-        """Return dampers with start values of a set of terms, also combined with start values of the law."""
+        """Return start dampers: one for the archetype, and one for each set of start values of the law."""
         starts = [
             archetype.start,
             *({**archetype.start, **start} for start in starts_of(LAWS[candidate.law])),
@@ -283,8 +288,8 @@ class CandidateEvaluator:
     ) -> FittedCandidate:
         """Fit a candidate to the windows, starting from the best of several fitted dampers.
 
-        The previous dampers have fewer terms than the candidate. A new term starts at its smallest start
-        value. ``screened_damper`` is the result of ``screen`` for the candidate.
+        The previous dampers can lack terms of the candidate. A lacking term is added at the smallest of its
+        start sizes. ``screened_damper`` is the result of ``screen`` for the candidate.
         """
         objective = Objective(self.problem(candidate), self.windows)
         starts = [self._with_new_terms(candidate, each)[0][-1] for each in previous_dampers]
@@ -294,8 +299,8 @@ class CandidateEvaluator:
     def screen(self, candidate: Candidate, previous: Damper) -> tuple[Damper, float]:
         """Fit a candidate by few iterations on few windows of the runs; return the damper and its error [%].
 
-        One fit is made for each alternative set of start values of a new term. Each fit starts at the size of
-        the term that has the smallest error.
+        A new term has several alternative sets of start values, and one fit is made for each set. Before a
+        fit, several sizes of the new term are compared, and the size with the smallest error is used.
         """
         objective = Objective(self.problem(candidate), self.screening_windows)
         starts = [best_different(objective, sizes)[0] for sizes in self._with_new_terms(candidate, previous)]

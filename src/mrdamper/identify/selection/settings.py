@@ -18,36 +18,36 @@ class SelectionSettings:
     mostly of terms.
     """
 
-    # Data
+    # Amount of data in the fits of the selection
     samples_max: int = 15_000  # max number of simulated samples in all fitted sections (windows) of runs
-    screening_fraction: float = 1.0 / 3.0  # max samples in a quick first fit / samples_max
+    screening_fraction: float = 1.0 / 3.0  # A quick first fit uses at most this fraction of ``samples_max``.
     # The model selection is repeated with more windows if the error of the chosen candidate on all runs
     # exceeds this multiple of its error on the windows.
     subset_error_ratio_max: float = 1.2
-    subset_growth: float = 3.0  # factor on samples_max in each repetition
+    subset_growth: float = 3.0  # Each repetition multiplies ``samples_max`` by this factor.
 
     # Screening. Modular laws are always kept, because their first candidates have few terms.
-    start_error_ratio_max: float = 1.5  # max error of a law after short descents / smallest of all laws
-    training_error_ratio_max: float = 1.5  # max training error of a law / smallest training error of all laws
+    start_error_ratio_max: float = 1.5  # max ratio of the errors after short descents
+    training_error_ratio_max: float = 1.5  # max ratio of the training errors
     finalist_count_max: int = 3  # max number of cross-validated laws that are not modular
 
     # Forward selection
     # An archetype is a first set of terms of a law. It is cross-validated only if its training error, divided
     # by the smallest training error of all archetypes of this law, is below this limit.
     archetype_error_ratio_max: float = 1.2
-    # Terms are added to a law that is not modular only if its ratio of cross-validation errors is below this.
+    # Max ratio of the cross-validation errors. A law that is not modular gets no further terms above it.
     law_cv_ratio_max: float = 1.2
     round_count_max: int = 8  # max number of rounds of adding terms to a law
     term_count_max: int = 3  # max number of terms that are fitted in each round
-    # Candidates with a smaller training gain are not cross-validated, because they hardly ever win.
+    # Candidates with a smaller training gain are not cross-validated, because they are hardly ever chosen.
     training_gain_min: float = 0.003
-    # A second term is cross-validated in a round only if its training gain is this fraction of the gain of
-    # the accepted term.
+    # A second term is cross-validated in a round only if its training gain is at least this fraction of the
+    # training gain of the first accepted term.
     training_gain_fraction_min: float = 0.25
 
-    # Comparison of two candidates of a law: a candidate is better if its cross-validation gain and the
-    # Student's t of this gain over the folds exceed the first two values. It is also better if gain and t
-    # exceed the last two values. A law replaces another law if its gain exceeds the third value.
+    # Comparison of two candidates of a law by the cross-validation gain and Student's t of the gain over the
+    # folds. A candidate is better if gain and t exceed ``cv_gain_min`` and ``cv_gain_t_min``, or the two
+    # small limits. A different law is better if its gain exceeds ``small_cv_gain_min``.
     cv_gain_min: float = 0.01
     cv_gain_t_min: float = 1.0
     small_cv_gain_min: float = 0.003
@@ -67,19 +67,20 @@ class SelectionSettings:
     round_gain_min: float = 0.004  # The next round starts only if the gain of a round exceeds this value.
     fold_iterations: int = 4  # iterations of a cross-validation fit, which starts at the fit to all windows
     screening_iterations: int = 8  # iterations of a fit with one additional term
-    # The first terms include a gas force if a regression on temperature reduces the error of mean forces by
-    # this percentage.
+    # Every archetype includes a gas force if the temperature explains more than this part of the mean forces.
+    # The part is divided by the standard deviation of the force of the run.
     gas_error_percent_min: float = 2.0
-    # Asymmetric terms are added if a regression on force and speed reduces this error by this percentage.
+    # Asymmetric terms are tried if force and speed explain more than this part of the mean forces.
     asymmetry_error_percent_min: float = 5.0
 
-    # Response to the current
+    # Fit of delay and lags to runs with changing current
     changing_run_count_max: int = 4  # max number of runs to which delay and lags are fitted
-    changing_samples_max: int = 3000  # samples to which a run is decimated within the following rate limits
+    changing_samples_max: int = 3000  # target number of samples per run; it decides the sampling rate
     changing_rate_Hz_min: float = 50.0
     changing_rate_Hz_max: float = 200.0
     changing_tolerance: float = 1e-2  # The fit of delay and lags ends after a smaller relative change.
-    changing_share_step_min: float = 0.25  # smallest step of the fraction of the force without delay
+    # Smallest step in the search for ``follow_share``, the fraction of the force without delay
+    changing_share_step_min: float = 0.25
 
 
 DEFAULT_SETTINGS = SelectionSettings()

@@ -14,7 +14,7 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
 from mrdamper.quantities import REFERENCE_K
 
-# Factors on the default start value of a new term. The best factor is used.
+# A new term is tried with its default start value times each of these factors. The best factor is used.
 START_SIZE_RATIOS = (1.0, 0.1, 0.01)
 
 
@@ -22,7 +22,7 @@ def mean_force_level(runs: Sequence[PreparedRun], error_percent_min: float) -> t
     """Return the mean force of the runs at 20 degC [N] and its slope with respect to temperature [N/K].
 
     The mean force of a symmetric damper is its gas force. Return None if a run has no temperature, or if the
-    slope reduces the error of the runs by less than ``error_percent_min``.
+    slope explains less than ``error_percent_min`` of the mean forces (see ``_mean_force``).
     """
     warming_K = _warming_K(runs)
     if warming_K is None:
@@ -32,11 +32,11 @@ def mean_force_level(runs: Sequence[PreparedRun], error_percent_min: float) -> t
 
 
 def asymmetry_percent(runs: Sequence[PreparedRun]) -> float:
-    """Return the decrease [%] of the error of the mean forces if a regression includes force and speed.
+    """Return the part of the mean forces of the runs [%] that amplitude of the force and speed explain.
 
     If the damper is symmetric, the mean force of a run is the gas force. If the damper is stronger in one
-    direction, runs with larger forces have larger mean forces. The regression explains these mean forces by
-    the size of the force and the speed. Therefore the result is large for an asymmetric damper.
+    direction, runs with larger forces have larger mean forces. Therefore the result is large for an
+    asymmetric damper. ``_mean_force`` defines the percentage.
     """
     warming_K = _warming_K(runs)
     base = [np.ones(len(runs)), *([] if warming_K is None else [warming_K])]
@@ -54,11 +54,11 @@ def _warming_K(runs: Sequence[PreparedRun]) -> FloatArray | None:
 def _mean_force(
     runs: Sequence[PreparedRun], base: FloatArray, more: FloatArray
 ) -> tuple[tuple[float, ...], float]:
-    """Fit the mean forces of runs by linear regression; return coefficients and decrease of the error [%].
+    """Fit the mean forces of runs by linear regression; return coefficients and the explained part [%].
 
-    ``base`` and ``more`` are columns of the regression matrix with one row per run. The decrease of the error
-    is due to the columns ``more``. The mean force of a run is divided by the standard deviation of the run's
-    force, like the error of a run.
+    ``base`` and ``more`` are columns of the regression matrix with one row per run. The explained part is the
+    root-mean-square part of the mean forces that only the columns ``more`` explain. The mean force of a run
+    is divided by the standard deviation of the run's force, like the error of a run.
     """
     forces = [_period_forces(run) for run in runs]
     weights = np.array([1.0 / max(float(np.std(force)), np.finfo(float).tiny) for force in forces])
