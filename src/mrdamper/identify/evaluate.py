@@ -101,7 +101,7 @@ def operating_envelope(runs: Sequence[PreparedRun]) -> OperatingEnvelope:
 
 
 def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[str]:
-    """Return one sentence for each quantity of the runs that is outside the envelope of the card."""
+    """Return a sentence for each quantity that exceeds the envelope of the card in some runs."""
     notes, envelopes = [], {run.name: operating_envelope([run]) for run in runs}
     for quantity, unit, scale, shift in (
         ("command", card.damper.command_unit, 1.0, 0.0),

@@ -167,7 +167,7 @@ def fit_law(
 
 
 def _fit_windows(problem: FitProblem, dampers: Sequence[Damper], on_progress: Progress) -> SearchResult:
-    """Fit parameters to sections of runs, and to whole runs if the sections do not represent them well."""
+    """Fit parameters to sections of the runs; then to whole runs if the sections are not representative."""
     settings = problem.settings
     windows, whole = problem.windows(), run_windows(problem.runs, settings)
     result = fit_variable_projection(
@@ -188,9 +188,9 @@ def _fit_windows(problem: FitProblem, dampers: Sequence[Damper], on_progress: Pr
 def _for_other_motions(
     problem: FitProblem, result: SearchResult
 ) -> tuple[SearchResult, ForceBand | None, tuple[str, ...]]:
-    """Return the fit with standard errors for new motions, the force band and the proposed tests.
+    """Return the fit with standard errors for new motions, the force band, and proposed tests.
 
-    The force band is None if cross-validation is impossible because there are fewer than two folds.
+    The force band is None if there are fewer than two folds, so that cross-validation is impossible.
     """
     if result.cancelled or result.damper.law.kernel is None:
         return result, None, ()
@@ -203,7 +203,7 @@ def _for_other_motions(
 def _with_actuation(
     result: SearchResult, stepping: Sequence[PreparedRun]
 ) -> tuple[SearchResult, ActuationFit | None]:
-    """Fit delay and lags of the force to runs with changing current; add them to the damper of ``result``.
+    """Add delay and lags of the force, fitted to runs with changing current, to the damper of ``result``.
 
     If delay and lags cannot be fitted, the reason is added to ``result.notes`` and the second value is None.
     """

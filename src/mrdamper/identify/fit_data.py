@@ -158,7 +158,7 @@ def _without_repetitions(
 
 
 def _noisy_currents(runs: Dataset, prepared: Sequence[PreparedRun]) -> tuple[str, ...]:
-    """Return a remark if the current of some runs is treated as constant although it has noise."""
+    """Return a remark if noisy currents of some runs are treated as constant."""
     noisy = [
         run
         for run, each in zip(runs, prepared, strict=True)

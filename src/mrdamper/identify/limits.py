@@ -31,7 +31,7 @@ def make_feasible(problem: FitProblem, damper: Damper) -> Damper:
 
 
 def limit_coefficients(damper: Damper, envelope: OperatingEnvelope) -> tuple[Damper, tuple[str, ...]]:
-    """Return the damper with limited coefficients, and a remark for each coefficient that changed much.
+    """Limit the coefficients; return the damper and remarks on coefficients that changed much.
 
     If a coefficient is below its valid range, the first parameter of its dependence on the current (value at
     zero current) is increased. If an increase is not possible or not sufficient, the dependence on current
@@ -89,7 +89,7 @@ def _keeps(form: ParameterLaw, admissible: Coefficient, at: FloatArray, kelvin: 
 
 
 def _weaker(form: ParameterLaw, fraction: float, admissible: Coefficient) -> ParameterLaw:
-    """Return the dependence on current and temperature, weakened to ``fraction`` (0: constant).
+    """Weaken the dependence on current and temperature to ``fraction`` (0: constant).
 
     All parameters are multiplied by ``fraction``, except the shape parameters and the first parameter. The
     first parameter is clipped to the valid range of the coefficient.

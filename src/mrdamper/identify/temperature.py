@@ -82,7 +82,7 @@ def temperature_levels(runs: Sequence[PreparedRun]) -> tuple[float, ...]:
 def select_temperature_kind(
     runs: Sequence[PreparedRun], kind: Temperature
 ) -> tuple[tuple[PreparedRun, ...], Temperature, str]:
-    """Return the runs to be fitted, the kind of temperature dependence, and a remark on ignored data.
+    """Return the runs to fit, the kind of temperature dependence, and a remark on ignored data.
 
     A ``kind`` other than "auto" is returned unchanged. "auto" becomes "none" if the runs have only one
     temperature, or if fewer than half of the runs have a temperature channel. If at least half of the runs

@@ -137,7 +137,6 @@ def template(
 def _single_command_error(
     law: HysteresisLaw, entries: Sequence[FreeCoefficient], runs: Sequence[PreparedRun]
 ) -> InputError:
-    """Return the InputError for runs that all have the same command."""
     follow = ", ".join(e.name for e in entries if e.form not in ("constant", "fixed"))
     return InputError(
         found=(
@@ -153,7 +152,6 @@ def _single_command_error(
 
 
 def _find_terms(law: HysteresisLaw, names: Sequence[str]) -> list[Term]:
-    """Return the terms with given names; raise InputError for unknown names or missing required terms."""
     known = terms_of(law)
     for name in names:
         if name not in known:

@@ -1,1 +1,1 @@
-"""Comparison of ``mrdamper demo``, a run on simulated data, with the claims of the reference paper."""
+"""Comparison of simulated results (``mrdamper demo``) with the claims of the reference paper."""

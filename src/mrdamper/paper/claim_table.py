@@ -1,7 +1,7 @@
-"""All quantitative claims of the reference paper, and functions that compute and compare simulated values.
+"""Table of all quantitative claims of the reference paper, in the order of the paper.
 
-Rows are numbered in the order of the paper. A simulated value has no verdict if the model was calibrated with
-the value in the paper.
+Each row has a function that computes the simulated value, and if possible a function that returns a verdict.
+A value has no verdict if the model was calibrated with the value in the paper.
 """
 
 from __future__ import annotations

@@ -95,7 +95,7 @@ def _nearest(values: dict[int, float], degrees: float) -> float | None:
 
 
 def bare(found: Findings) -> Rise:
-    """Return the simulated heating of the damper without fins at an amplitude of 15 mm."""
+    """Return the simulated heating without fins, at an amplitude of 15 mm."""
     rise = found.warm_up.bare
     assert rise is not None  # The result is None only for a damper that has no fins.
     return rise
@@ -109,7 +109,7 @@ def temperature_at(rise: Rise, what: Literal["fluid", "wall"], time_s: float) ->
 
 
 def small_bare_degC(found: Findings) -> float:
-    """Return the fluid temperature after 30 min at 5 mm amplitude, for the damper without fins [degC]."""
+    """Return the fluid temperature [degC] without fins after 30 min at 5 mm amplitude."""
     small = found.small.bare
     assert small is not None  # The result is None only for a damper that has no fins.
     return temperature_at(small, "fluid", HALF_HOUR_S)
@@ -198,7 +198,7 @@ def unaware_ratio(found: Findings, aware: str, unaware: str) -> float | None:
 
 
 def works_up_to_degC(found: Findings, controller: str) -> float | None:
-    """Return the highest temperature [degC] up to which the control error is acceptable.
+    """Return the highest temperature [degC] with an acceptable control error.
 
     The RMS error must not exceed the maximum error that the reference paper reports. Return None if the error
     is larger at the lowest tested temperature.

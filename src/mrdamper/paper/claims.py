@@ -24,7 +24,7 @@ from mrdamper.thermal.dissipation import LoopWork
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Findings:
-    """Results of all jobs of the demo. Thermal simulations use the preset ``paper`` of the virtual rig."""
+    """Results of all jobs of the demo. Thermal jobs use the preset ``paper`` of the virtual rig."""
 
     fitted: Identification  # fit of the selected law to runs of the preset ``nominal``
     judged: Assessment  # assessment of the fit ``fitted``
@@ -184,7 +184,7 @@ def judge(
 def tolerance_judge(
     within: float = 0.0, *, less_is_better: bool = False, more_is_better: bool = False
 ) -> Judge:
-    """Return ``judge`` with fixed tolerance and direction, as a function of two values for ``Row.judged``."""
+    """Return the function ``judge`` with fixed tolerance and direction, for ``Row.judged``."""
 
     def verdict(ours: float, paper: float) -> Verdict:
         return judge(ours, paper, within=within, less_is_better=less_is_better, more_is_better=more_is_better)

@@ -174,7 +174,6 @@ def _fields(found: DemoResult) -> dict[str, object]:
 
 
 def _law_line(found: FitResult) -> Json:
-    """Return the name and the errors of one law, for the comparison of laws."""
     return {
         "law": found.damper.law.name,
         "summary": summaries(found.assessment.runs),
@@ -185,7 +184,6 @@ def _law_line(found: FitResult) -> Json:
 
 
 def _target(found: DemoResult) -> Json:
-    """Return the main values of the export and of its verification."""
     if found.export is None:
         return {"written": False, "why": found.why_not_exported}
     answer = EXPORT_REPORT.answer(found.export)

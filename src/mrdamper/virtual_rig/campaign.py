@@ -227,7 +227,7 @@ def find_campaign(name: str | Path) -> Campaign:
 
 
 def _degrees(temperature_degC: float) -> str:
-    """Return a temperature as text for run names: three digits, and a decimal if it is not an integer."""
+    """Return a temperature as text for run names, such as 020C or 022.5C."""
     whole = float(temperature_degC).is_integer()
     return f"{temperature_degC:03.0f}C" if whole else f"{temperature_degC:05.1f}C"
 

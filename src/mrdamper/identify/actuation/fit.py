@@ -87,9 +87,9 @@ def fit_actuation(
     start: Damper | None = None,
     settings: ActuationSettings = DEFAULT_SETTINGS,
 ) -> tuple[Damper, ActuationFit]:
-    """Fit delay and lags between command and force; return the damper with delay and lags, and the fit.
+    """Fit delay and lags between command and force; return damper and fit.
 
-    The runs need a changing command.
+    The returned damper has the fitted delay and lags. The runs need a changing command.
 
     Some laws have the coefficient ``follow_share``, the fraction of the force that follows the command
     immediately. A pattern search then fits this fraction. The lags are fitted for each trial fraction.
@@ -197,7 +197,6 @@ def _fit_at_fixed_share(
 def _runs_with_moved_force(
     still: Damper, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> list[PreparedRun]:
-    """Return the runs whose force changes with the command; raise InputError if there are no such runs."""
     moving, force_max_N = [], max(float(np.abs(run.force).max()) for run in runs)
     for run in runs:
         path = run.trajectory

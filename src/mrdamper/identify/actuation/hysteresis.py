@@ -24,12 +24,12 @@ from mrdamper.models.simulate import simulate
 def fit_hysteresis_at_levels(
     damper: Damper, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> tuple[float, float]:
-    """Fit the half width of the magnetic hysteresis to stepped commands; return it with its error [A or V].
+    """Fit the half width of the magnetic hysteresis to runs with stepped commands.
 
-    Return 0 and NaN if no run has enough settled samples after rising and falling steps. Overshoot hides a
-    part of the hysteresis in some runs. Therefore the run with the largest lower confidence limit of the half
-    width is the reference. Runs with a significantly smaller half width than the reference are ignored. The
-    other runs are averaged.
+    Return half width and standard error [A or V], or 0 and NaN if no run has enough settled samples after
+    rising and falling steps. Overshoot hides a part of the hysteresis in some runs. Therefore the run with
+    the largest lower confidence limit of the half width is the reference. Runs with a significantly smaller
+    half width than the reference are ignored. The other runs are averaged.
     """
     sums = [each for run in runs if (each := _regression_sums(damper, run, settings)) is not None]
     if not sums:
@@ -44,7 +44,7 @@ def fit_hysteresis_at_levels(
 def _half_width(
     effect_squares: float, products: float, error_squares: float, freedom: float
 ) -> tuple[float, float]:
-    """Solve the linear regression of ``_regression_sums``; return half width and standard error [A or V]."""
+    """Return half width and standard error [A or V] from ``_regression_sums``."""
     half_width = products / effect_squares
     residual = max(error_squares - half_width * products, 0.0)
     return float(half_width), float(np.sqrt(residual / max(freedom - 1, 1) / effect_squares))
@@ -53,7 +53,7 @@ def _half_width(
 def fit_hysteresis_over_runs(
     still: Damper, lags: Actuation, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> tuple[float, float]:
-    """Fit the half width of the magnetic hysteresis to whole runs; return it with its error [A or V]."""
+    """Fit the half width of the magnetic hysteresis to whole runs; return value and error [A or V]."""
     largest = largest_command(runs)
     start = replace(lags, hysteresis_width_A=min(max(lags.hysteresis_width_A, 1e-3 * largest), 0.5 * largest))
     fit = fit_over_runs(still, runs, start, ("hysteresis_width_A",), settings)
@@ -61,12 +61,13 @@ def fit_hysteresis_over_runs(
 
 
 def _regression_sums(damper: Damper, run: PreparedRun, settings: ActuationSettings) -> FloatArray | None:
-    """Return the sums of the regression of one run on the half width; None with too few settled samples.
+    """Return the sums of the linear regression that fits the half width to one run.
 
-    The *effect* is the derivative of the force with respect to the half width, and zero for a command that
-    was reached from below. The regression explains the force error by the half width times the effect, plus
-    one offset for each command value and direction of motion. The result has the sums of squared effects, of
-    effect times force error and of squared force errors, and the number of samples minus offsets.
+    Return None if the run has too few settled samples. The *effect* is the derivative of the force with
+    respect to the half width, and zero for a command that was reached from below. The regression explains the
+    force error by the half width times the effect, plus one offset for each command value and direction of
+    motion. The result has the sums of squared effects, of effect times force error and of squared force
+    errors, and the number of samples minus the number of offsets.
     """
     path = run.trajectory
     span = float(np.ptp(path.command))

@@ -1,4 +1,4 @@
-"""Measure step responses: how the force changes after a step of the command to a constant value.
+"""Measure step responses of the force to steps of the command.
 
 The force depends on position, speed and direction as well as on the command. Therefore a curve of the settled
 force is fitted first, for each constant command (*level*) and direction of motion. The curve is the force of
@@ -78,12 +78,12 @@ def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationS
     settled = sliding & (np.arange(len(path)) - np.array(cuts)[segment] >= settled_samples)
     force_min_N = settings.response_force_min * float(np.abs(run.force).max())
 
-    def map_at(k: int, first: int) -> FloatArray | None:
-        """Return the settled force [N] at the command of segment ``k``, for the direction at ``first``."""
+    def settled_force_N(k: int, first: int) -> FloatArray | None:
         samples = settled & (np.array(levels)[segment] == levels[k]) & (direction == direction[first])
         if np.count_nonzero(samples) < settings.level_sample_count_min:
             return None
-        return _map_force(run, law_force[levels[k]], samples, np.array(falls)[segment], float(falls[k]))
+        from_above = np.array(falls)[segment]
+        return _fit_settled_force(run, law_force[levels[k]], samples, from_above, float(falls[k]))
 
     responses = []
     for k, (first, end) in enumerate(pairwise(cuts[1:]), start=1):
@@ -91,7 +91,7 @@ def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationS
         stop = min(end, first + round(settings.response_duration_max_s / step_s))
         if not same_stroke[first:stop].all():
             stop = first + int(np.argmin(same_stroke[first:stop]))
-        before, after, window = map_at(k - 1, first), map_at(k, first), slice(first, stop)
+        before, after, window = settled_force_N(k - 1, first), settled_force_N(k, first), slice(first, stop)
         if (stop - first) * step_s < settings.response_duration_min_s or before is None or after is None:
             continue
         size_N = (after - before)[window]
@@ -145,13 +145,13 @@ def model_times(
     return times
 
 
-def _map_force(
+def _fit_settled_force(
     run: PreparedRun, law_force: FloatArray, samples: BoolArray, from_above: BoolArray, weight: float
 ) -> FloatArray:
-    """Return the settled force [N] for one command and direction of motion, at every sample of a run.
+    """Return the settled force [N] that the regression predicts for every sample of a run.
 
-    ``samples`` selects the settled samples for the regression. If the command was reached from above
-    (``weight`` 1), the force has an additional offset because the core has hysteresis.
+    ``samples`` selects the settled samples of one command and direction of motion for the regression. If the
+    command was reached from above (``weight`` 1), the force has an offset because the core has hysteresis.
     """
     x = run.trajectory.displacement / np.abs(run.trajectory.displacement).max()
     columns = [np.ones_like(x), x, x**2]

@@ -20,7 +20,7 @@ CurrentKind = Literal["constant", "changing"]
 
 @dataclass(frozen=True, slots=True)
 class ErrorSummary:
-    """Statistics of ``nrmse_percent`` over the runs with constant current, or with changing current.
+    """Median, RMS and maximum of the errors ``nrmse_percent`` of a set of runs.
 
     ``kind`` states whether the runs are held-out runs, training runs or runs of the cross-validation.
     """

@@ -27,7 +27,7 @@ from mrdamper.models.damper import Damper
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """Deviation of one run from comparable runs, under the assumption of a single cause."""
+    """Deviation of one run from comparable runs if it has a single cause."""
 
     kind: str  # name of the cause, a key of ``CAUSES``
     size: float  # difference from comparable runs [unit of the cause]
@@ -260,7 +260,7 @@ def _run_finding(run: PreparedRun, deviation: Deviation) -> Finding:
 def _exchanged_labels(
     analysis: ResidualAnalysis, deviations: Collection[int], settings: ConsistencySettings
 ) -> Iterator[tuple[int, Finding]]:
-    """Generate the index and the finding of each run whose command label was exchanged with another run."""
+    """Generate index and finding of each run that probably has another run's command label."""
     runs, commands = analysis.runs, _commands(analysis.runs)
     shifts_A = np.array([effect.size for effect in analysis.run_effects("command_label")])
     for a, b in permutations(deviations, 2):

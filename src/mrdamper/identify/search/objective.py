@@ -103,7 +103,7 @@ class Objective:
     def eliminate(
         self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True, is_repeated: bool = False
     ) -> Eliminated:
-        """Replace the linear parameters ``linear`` of each parameter set by the best linear parameters.
+        """Return parameter sets in which the best linear parameters replace ``linear``.
 
         If ``tangents`` is False, no Gram matrix is returned. The new cost is computed as the initial cost
         minus the improvement. If rounding errors dominate the difference, the elimination is repeated once,
@@ -194,9 +194,9 @@ def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
 def _bounded_least_squares(
     matrix: FloatArray, right: FloatArray, rows: FloatArray, floor: FloatArray
 ) -> FloatArray:
-    """Minimise x'Mx/2 - r'x subject to R x >= f. ``matrix`` (M), ``right`` (r) and ``floor`` (f) are stacked.
+    """Minimise x' ``matrix`` x / 2 - x' ``right`` subject to ``rows`` x >= ``floor``.
 
-    The conditions are ignored if the unconstrained minimum satisfies them.
+    All arguments except ``rows`` have a first axis that counts several problems.
     """
     solution = solve_scaled(matrix, right[..., None])[..., 0]
     if len(rows):

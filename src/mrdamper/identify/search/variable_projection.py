@@ -226,7 +226,7 @@ def thorough_starts(
 
 
 def random_dampers(problem: FitProblem, index: int) -> list[Damper]:
-    """Return copies of the template damper with nonlinear parameters from points of a Latin hypercube."""
+    """Return template dampers with nonlinear parameters from a Latin hypercube."""
     settings = problem.settings
     count = min(settings.draw_count_max, settings.draws_per_parameter * max(len(problem.nonlinear), 2))
     if problem.template.law.kernel is None:
@@ -288,7 +288,7 @@ def continued_starts(
 def _ends(
     objective: Objective, points: FloatArray, linear: FloatArray, iterations_max: int, count: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Run descents; return their final points, linear parameters and costs [%^2], smallest cost first.
+    """Run descents; return final points, linear parameters and costs [%^2], best first.
 
     At most ``count`` results are returned. If several results have nearly equal costs, one is returned.
     """

@@ -95,9 +95,9 @@ class ValidatedCandidate:
 
     @property
     def training_percent_max(self) -> float:
-        """Training error [%] above which another candidate must have a larger cross-validation error.
+        """Training error [%] above which another candidate is hardly ever better.
 
-        A cross-validation error is rarely smaller than the training error.
+        The reason is that a cross-validation error is rarely smaller than the training error.
         """
         return self.cv_rms_percent * (np.sqrt(2.0) if self.changing_squared_errors.size else 1.0)
 
@@ -130,7 +130,7 @@ class ValidatedCandidate:
         return weights / weights.sum(), errors_percent, folds[first]
 
     def gain_relative_to(self, other: ValidatedCandidate) -> tuple[float, float]:
-        """Return the relative decrease of the mean error compared with ``other``, and its t statistic.
+        """Return the relative decrease of the mean error versus ``other``, and its t statistic.
 
         The t statistic is computed from the error differences of the folds and of the runs with changing
         current. The variance is estimated separately for folds and for runs.

@@ -150,7 +150,7 @@ class CandidateEvaluator:
         return CandidateStarts(candidate, starts, float(np.sqrt(cost)))
 
     def fit_starts(self, starts: CandidateStarts, *, with_descent: bool = True) -> FittedCandidate:
-        """Continue the short descents of a candidate; then fit the candidate, starting at their results.
+        """Continue the short descents of a candidate, and fit the candidate afterwards.
 
         If ``with_descent`` is False, the best damper in ``starts`` is returned without a fit.
         """
@@ -161,7 +161,7 @@ class CandidateEvaluator:
         return self.fit(candidate, continued_starts(problem, starts.dampers, self.screening_windows))
 
     def fit_alternative(self, archetype: Archetype, fitted: FittedCandidate) -> FittedCandidate:
-        """Fit an alternative archetype, starting at ``fitted``, the fit of the previous archetype.
+        """Fit an alternative archetype, starting at the fit of the previous archetype.
 
         Only the coefficients that differ between the two archetypes are reset to start values.
         """
@@ -231,7 +231,7 @@ class CandidateEvaluator:
         return fitted.damper.with_parameters({name: template[name] for name in own})
 
     def _archetype_points(self, candidate: Candidate, archetype: Archetype) -> list[Damper]:
-        """Return start dampers: one for the archetype, and one for each set of start values of the law."""
+        """Combine the start values of an archetype and of the law; return the dampers."""
         starts = [
             archetype.start,
             *({**archetype.start, **start} for start in starts_of(LAWS[candidate.law])),

@@ -32,7 +32,7 @@ def mean_force_level(runs: Sequence[PreparedRun], error_percent_min: float) -> t
 
 
 def asymmetry_percent(runs: Sequence[PreparedRun]) -> float:
-    """Return the part of the mean forces of the runs [%] that amplitude of the force and speed explain.
+    """Return the part [%] of the runs' mean forces that force amplitude and speed explain.
 
     If the damper is symmetric, the mean force of a run is the gas force. If the damper is stronger in one
     direction, runs with larger forces have larger mean forces. Therefore the result is large for an
@@ -54,7 +54,7 @@ def _warming_K(runs: Sequence[PreparedRun]) -> FloatArray | None:
 def _mean_force(
     runs: Sequence[PreparedRun], base: FloatArray, more: FloatArray
 ) -> tuple[tuple[float, ...], float]:
-    """Fit the mean forces of runs by linear regression; return coefficients and the explained part [%].
+    """Fit the mean forces of runs by linear regression; return coefficients and explained part [%].
 
     ``base`` and ``more`` are columns of the regression matrix with one row per run. The explained part is the
     root-mean-square part of the mean forces that only the columns ``more`` explain. The mean force of a run
