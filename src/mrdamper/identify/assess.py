@@ -89,7 +89,6 @@ def _correlation_remarks(result: SearchResult) -> list[str]:
 
 
 def _remarks(result: SearchResult, runs: Sequence[RunError], work_min: float) -> list[str]:
-    """Return remarks on parameters, correlations, passivity and energy."""
     remarks = []
     for estimate in result.estimates:
         if estimate.at_bound:

@@ -25,7 +25,7 @@ class Fold:
 
     label: str
     runs: tuple[int, ...]  # indices of the runs
-    block: int | None = None  # number of the time block; None: whole runs are held out
+    block: int | None = None  # index of the time block; None: whole runs are held out
 
     def holds_out(self, window: FitWindow) -> bool:
         """Return True if the window belongs to the data that the fold holds out."""

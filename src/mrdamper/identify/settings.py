@@ -19,7 +19,6 @@ class FitSettings:
     method: Method = "varpro"
     genetic_seed: int = 0  # seed of the random numbers of the genetic algorithm
 
-    # Sampling rate of the fitted data
     rate_Hz: float = 200.0  # max sampling rate in a fit; runs with a lower rate are not resampled
     samples_per_period: float = 200.0  # max number of samples per period; limits the rate of slow motions
 
@@ -119,9 +118,9 @@ class NumericalSettings:
     multiplier_regularisation: float = 1e-10
     # If the elimination reduces the cost below this fraction, rounding errors dominate the cost.
     resolved_cost_ratio: float = 1e-9
-    active_stiffness: float = 1e8  # relative weight of the penalty for leaving an active condition
+    active_stiffness: float = 1e8  # relative stiffness of the penalty that keeps a coefficient at its limit
     sum_count_max: int = 1 << 21  # max total number of elements of the Gram matrices that are in memory
-    # OpenBLAS uses one thread up to this product size. Several threads would waste time in busy waiting.
+    # Small matrix products use one thread, because the threads of OpenBLAS would waste time in busy waiting.
     one_thread_size_max: int = 1 << 17
     invalid_cost: float = 1e6  # cost of a candidate whose coefficients are invalid in all runs [%^2]
 
@@ -131,7 +130,8 @@ class NumericalSettings:
     perturbations: tuple[tuple[float, float], ...] = ((1.0, 0.1), (0.5, 0.5), (0.2, 1.5), (0.5, 1.5))
     # Unit of the change for coordinates on a linear scale, divided by the range between the bounds
     perturbation_range_ratio: float = 0.1
-    exchanged_fractions: tuple[float, ...] = (0.15, 0.3, 0.5)  # fraction of coefficients from another minimum
+    # Fractions of the coefficients that are replaced by values from a different minimum
+    exchanged_fractions: tuple[float, ...] = (0.15, 0.3, 0.5)
     python_law_draw_count: int = 8  # points in each random set for a slow law in Python
 
     # Conditions and limits of coefficients

@@ -1,8 +1,8 @@
 """Temperature dependence of the coefficients, and the number of temperatures that a fit requires.
 
 Viscous coefficients follow the viscosity of the fluid (Arrhenius, Reynolds or VFT). Yield forces and friction
-are linear in temperature. With the kind ``paper``, both follow the temperature polynomial of Eq. (12) of the
-reference paper. If the runs have only one temperature, the factors of a known fluid can be assumed instead.
+are linear in temperature. The kind ``paper`` is a temperature polynomial, Eq. (12) of the reference paper. If
+the runs have only one temperature, the temperature factors of a known fluid can be assumed instead.
 """
 
 from __future__ import annotations

@@ -195,7 +195,6 @@ def _target(found: DemoResult) -> Json:
 
 
 def _show(found: DemoResult, console: Console) -> None:
-    """Print the counts of verdicts, the errors of both laws, and the values that disagree with the paper."""
     console.print(escape(f"The runs are {LABEL}."))
     for line in _claims_in_words(found):
         console.print(escape(line))

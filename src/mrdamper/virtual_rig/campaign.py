@@ -140,7 +140,6 @@ class Campaign:
         return tuple(planned)
 
     def _random_run(self, name: str, current: RandomCurrent, degrees: float, *, held_out: bool) -> PlannedRun:
-        """Return the plan of the run with random current; the seeds depend on the temperature."""
         # The seeds grow with the temperature. The constant keeps the increment positive, as seeds must be.
         more = round(10.0 * degrees) + 10_000
         motion = motion_from_text(self.random_motion)

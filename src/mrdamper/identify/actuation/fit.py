@@ -218,5 +218,4 @@ def _with_follow_share(damper: Damper, share: float) -> Damper:
 
 
 def _squared_error(damper: Damper, runs: Sequence[PreparedRun]) -> float:
-    """Return the squared error of a damper [%^2], averaged over runs."""
     return float(np.mean([score_run(damper, run).nrmse_percent ** 2 for run in runs]))

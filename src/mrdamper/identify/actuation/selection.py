@@ -1,9 +1,9 @@
 """Choose by cross-validation if the delay model needs saturation, a second loop or free-wheeling.
 
 A core that saturates has a narrow and a wide hysteresis loop. A driver with one quadrant cannot force the
-current down, so that the current free-wheels through the coil. The speed of this decay depends on the
-saturation. A *form* is a set of parameters to fit. Because of such couplings, all parameters of a form are
-fitted together.
+current down, so that the current decays slowly in the coil (free-wheeling). The speed of the decay depends on
+the saturation. Therefore the parameters of several effects are fitted together. A *form* is a set of
+parameters to fit.
 """
 
 from __future__ import annotations

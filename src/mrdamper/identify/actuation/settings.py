@@ -31,7 +31,7 @@ class ActuationSettings:
     # A line is fitted to this range of a step response. The response time is where the line crosses 63 %.
     crossing_fit_range: tuple[float, float] = (0.5, 0.77)
     map_error: float = 0.06  # relative standard error of a response time due to errors of the settled force
-    # The driver cannot force the current down if steps to zero take this many times as long as other steps.
+    # A driver has one quadrant (cannot force the current down) if steps to zero take this many times as long.
     free_wheeling_time_ratio: float = 1.4
 
     # Bounds, initial values and accuracy of the search for delay and lags
@@ -47,7 +47,8 @@ class ActuationSettings:
     time_correction_count: int = 3  # number of corrections of rise and fall times by measured response times
     follow_share_step: float = 0.25  # first step of the pattern search for ``follow_share``
     follow_share_step_min: float = 0.05  # A smaller step ends the pattern search.
-    hysteresis_agreement: float = 2.0  # Hysteresis widths within this number of standard errors are averaged.
+    # Hysteresis widths of runs are averaged if their difference is at most this many standard errors.
+    hysteresis_agreement: float = 2.0
 
     # Bounds and initial values for fits with saturation, a wide loop or free-wheeling. Saturation current and
     # remanence are divided by the largest command.
@@ -63,10 +64,10 @@ class ActuationSettings:
     short_evaluation_count_max: int = 6  # max function evaluations in each fit during the cross-validation
 
     # Error ratios that decide if the delay model gets saturation, a second hysteresis loop or free-wheeling.
-    # The simplest model is kept if all parameters reduce its error to no less than this fraction.
+    # Further parameters are tried only if they reduce the error of the simplest model below this fraction.
     saturation_ratio_max: float = 0.95
     one_loop_ratio: float = 0.98  # The error with one hysteresis loop gets this factor to prefer one loop.
-    # The driver cannot force the current down if free-wheeling reduces the error below this fraction.
+    # A driver has one quadrant if a model with free-wheeling reduces the error below this fraction.
     free_wheeling_ratio_max: float = 0.7
 
 

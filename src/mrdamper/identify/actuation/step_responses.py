@@ -56,8 +56,9 @@ class SteppedRun:
 def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationSettings) -> SteppedRun | None:
     """Return a run with the force responses to its command steps; None if the run has no usable step.
 
-    A step is usable if it satisfies three conditions. Both held commands have enough settled samples in the
-    direction of motion at the step. The motion continues in this direction. The step changes the force.
+    A step is usable if it satisfies three conditions. There are enough settled samples at the commands before
+    and after the step, in the direction of motion at the step. The motion continues in this direction. The
+    step changes the force.
     """
     path, step_s = run.trajectory, run.trajectory.step
     span = float(np.ptp(path.command))
@@ -78,7 +79,7 @@ def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationS
     settled = sliding & (np.arange(len(path)) - np.array(cuts)[segment] >= settled_samples)
     force_min_N = settings.response_force_min * float(np.abs(run.force).max())
 
-    def settled_force_N(k: int, first: int) -> FloatArray | None:
+    def fit_force(k: int, first: int) -> FloatArray | None:
         samples = settled & (np.array(levels)[segment] == levels[k]) & (direction == direction[first])
         if np.count_nonzero(samples) < settings.level_sample_count_min:
             return None
@@ -91,7 +92,7 @@ def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationS
         stop = min(end, first + round(settings.response_duration_max_s / step_s))
         if not same_stroke[first:stop].all():
             stop = first + int(np.argmin(same_stroke[first:stop]))
-        before, after, window = settled_force_N(k - 1, first), settled_force_N(k, first), slice(first, stop)
+        before, after, window = fit_force(k - 1, first), fit_force(k, first), slice(first, stop)
         if (stop - first) * step_s < settings.response_duration_min_s or before is None or after is None:
             continue
         size_N = (after - before)[window]

@@ -62,9 +62,9 @@ def refit_without_folds(
     """Refit the damper once for each fold, without the data of this fold.
 
     Return None if fewer than two refits succeed. The fit to all runs uses more data than each refit.
-    Therefore its expected mean squared error on new runs is smaller than the mean squared held-out error of
-    the refits. The expected error is the held-out error, minus the mean error of the refits on all runs, plus
-    the error of the fit on all runs (corrected cross-validation, Burman, Biometrika 76 (1989) 503).
+    Therefore the fit to all runs is expected to have a smaller mean squared error on new runs than the
+    refits. The expected error is the held-out error, minus the mean error of the refits on all runs, plus the
+    error of the fit on all runs (corrected cross-validation, Burman, Biometrika 76 (1989) 503).
     """
     folds = folds_of(problem.runs)
     windows = problem.windows(blocks=block_count(folds))
@@ -131,8 +131,8 @@ def with_changing_current(
     """Return the force band with an additional factor for runs with changing current.
 
     If the current changes, the delay model causes additional errors. Each run therefore needs a wider band to
-    contain 90 % of its samples. The factor is the mean of the required ratios of widths plus a multiple of
-    their standard deviation, and at least 1.
+    contain 90 % of its samples. The additional factor is the mean of the required increases of the width plus
+    a multiple of their standard deviation, and at least 1.
     """
     ratios = []
     for run, force in zip(runs, simulate_each(damper, [run.trajectory for run in runs]), strict=True):

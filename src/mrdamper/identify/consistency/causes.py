@@ -17,7 +17,7 @@ class Cause:
     """
 
     unit: str
-    size_min: float  # min size; multiplied by the command range in ``runs`` for a wrong command label
+    size_min: float  # min size; for a wrong command label multiplied by the command range (at least 1)
     scatter_ratio_min: float  # min deviation, divided by the scatter of the deviations of all runs
     deviation_min: float
     words: str  # message, a format string with the fields ``size`` and ``unit``

@@ -38,9 +38,9 @@ def summarize_errors(
 ) -> tuple[ErrorSummary, ...]:
     """Return the error statistics of held-out runs, training runs and cross-validation.
 
-    Combinations of error kind and current kind without any run are omitted. ``chosen`` is the score of the
-    selected candidate, which contains the cross-validation errors. If the user specified the model,
-    ``chosen`` is missing because there was no selection.
+    There are separate statistics for constant and for changing current. Statistics without any run are
+    omitted. ``chosen`` is the score of the selected candidate, which contains the cross-validation errors. If
+    the user specified the model, ``chosen`` is missing because there was no selection.
     """
     errors: dict[tuple[ErrorKind, CurrentKind], list[float]] = {
         (kind, current): [] for kind in get_args(ErrorKind) for current in get_args(CurrentKind)

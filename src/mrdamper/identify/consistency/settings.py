@@ -16,12 +16,12 @@ class ConsistencySettings:
     run_count_min: int = 6  # min number of fitted runs; the scatter of fewer runs is not significant
     # Smaller delays are ignored because the model error of a slow motion resembles a delay.
     delay_period_ratio_min: float = 0.002  # min delay / period
-    # The simpler of two causes is reported unless its strength is below this fraction of the other strength.
+    # The simpler of two causes is reported unless its strength, divided by the other strength, is smaller.
     simple_cause_ratio_min: float = 0.9
     # Deviations below this fraction of the worst run's deviation are ignored, because the worst run distorts
     # the fit and therefore the residuals of all runs.
     worst_ratio_min: float = 0.5
-    unfitted_ratio_min: float = 1.8  # Thresholds are multiplied by this factor if the run was not fitted.
+    unfitted_ratio_min: float = 1.8  # Thresholds of a run that was omitted from the fit get this factor.
     # A run is a suspect, which a second fit omits, if it exceeds its thresholds times this factor.
     suspect_ratio_min: float = 0.8
     suspect_level_ratio_min: float = 1.6  # min residual of a suspect run, divided by the typical residual
@@ -46,9 +46,9 @@ class ConsistencySettings:
     filter_ratio_min: float = 1.1  # A filter has to explain this many times as much as a delay.
     # An effect on all runs is not reported if a single run causes more than this fraction of the effect.
     single_run_ratio_min: float = 0.9
-    # A run is ignored if its standard error of gain or delay, divided by the median of all runs, is larger.
+    # Runs are ignored if their standard error of gain or delay exceeds this multiple of the median.
     error_ratio_max: float = 2.5
-    # A second cause is reported if it explains at least this fraction of the residual that the best explains.
+    # min residual that a second cause explains, divided by the residual that the best cause explains
     second_cause_ratio_min: float = 0.5
 
     training_cv_ratio_max: float = 1.5  # max training error, divided by the cross-validation error
@@ -56,7 +56,7 @@ class ConsistencySettings:
     command_step: float = 0.02  # step of the difference quotient with respect to the command [A or V]
     filter_time_constant_s: float = 0.02  # The assumed filter has a bandwidth of 8 Hz.
     singular_value_ratio_min: float = 1e-9
-    # A cause is ignored if the parameters imitate its effect on the force, except for a smaller fraction.
+    # A cause is ignored if the parameters imitate all of its effect on the force except this fraction.
     cause_power_ratio_min: float = 1e-9
     correlated_samples: float = 10.0  # samples that count as one independent sample of the residual
 

@@ -129,7 +129,6 @@ class Descents:
         self._update_model(k, found)
 
     def _update_model(self, k: NDArray[np.intp], found: Eliminated) -> None:
-        """Compute the Gauss-Newton matrix and gradient at accepted points."""
         assert found.gram is not None
         self._slopes[k] = np.where(self._box.log, self._box.to_physical(self.points[k]), 1.0)
         self._is_rough[k] = found.drift > NUMERICS.failed_drift_max

@@ -11,8 +11,8 @@ elimination. ``objective`` contains the elimination, ``descent`` the steps, and 
 
 1. Compare random points (a Latin hypercube) on a few windows of the runs. Start short descents from the best
    points.
-2. Compare the results of these descents and all given dampers on all runs. Start descents with a few steps
-   from those with the smallest costs. If several have nearly equal costs, use only one.
+2. Compare the resulting dampers and all given dampers on all runs. Start descents with a few steps from the
+   best dampers. If several dampers have nearly equal costs, use only one.
 3. Continue the best descent until it converges.
 
 Method: Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432; Kaufman, BIT 15 (1975) 49-57.

@@ -116,10 +116,9 @@ class CandidateEvaluator:
     def archetypes(self, law: str) -> tuple[Archetype | None, ...]:
         """Return the archetypes (typical sets of terms) with which the selection starts; None: default terms.
 
-        If the mean force of a run depends on temperature, every archetype includes a gas force. Without it,
-        the search would not find the best damper with a gas force. If the mean force of a run grows with the
-        amplitude of the force, the damper is asymmetric, and an asymmetric version of every archetype is
-        added.
+        If the mean force of a run depends on temperature, every archetype includes a gas force, because a
+        later addition would not lead to the best damper. If the mean force of a run grows with the amplitude
+        of the force, the damper is asymmetric. An asymmetric version of every archetype is then added.
         """
         return (self._archetypes(law) if self._terms is None else ()) or (None,)
 
@@ -288,7 +287,7 @@ class CandidateEvaluator:
     ) -> FittedCandidate:
         """Fit a candidate to the windows, starting from the best of several fitted dampers.
 
-        The previous dampers can lack terms of the candidate. A lacking term is added at the smallest of its
+        The previous dampers can lack terms of the candidate. A missing term is added at the smallest of its
         start sizes. ``screened_damper`` is the result of ``screen`` for the candidate.
         """
         objective = Objective(self.problem(candidate), self.windows)

@@ -27,15 +27,15 @@ class SelectionSettings:
     subset_growth: float = 3.0  # Each repetition multiplies ``samples_max`` by this factor.
 
     # Screening. Modular laws are always kept, because their first candidates have few terms.
-    start_error_ratio_max: float = 1.5  # max ratio of the errors after short descents
-    training_error_ratio_max: float = 1.5  # max ratio of the training errors
+    start_error_ratio_max: float = 1.5  # max error after short descents / smallest error of a law
+    training_error_ratio_max: float = 1.5  # max training error of a law / smallest training error of a law
     finalist_count_max: int = 3  # max number of cross-validated laws that are not modular
 
     # Forward selection
     # An archetype is a first set of terms of a law. It is cross-validated only if its training error, divided
     # by the smallest training error of all archetypes of this law, is below this limit.
     archetype_error_ratio_max: float = 1.2
-    # Max ratio of the cross-validation errors. A law that is not modular gets no further terms above it.
+    # Max cross-validation error / smallest error. Above it, a law that is not modular gets no further terms.
     law_cv_ratio_max: float = 1.2
     round_count_max: int = 8  # max number of rounds of adding terms to a law
     term_count_max: int = 3  # max number of terms that are fitted in each round
@@ -75,7 +75,7 @@ class SelectionSettings:
 
     # Fit of delay and lags to runs with changing current
     changing_run_count_max: int = 4  # max number of runs to which delay and lags are fitted
-    changing_samples_max: int = 3000  # target number of samples per run; it decides the sampling rate
+    changing_samples_max: int = 3000  # Runs are resampled to about this number of samples.
     changing_rate_Hz_min: float = 50.0
     changing_rate_Hz_max: float = 200.0
     changing_tolerance: float = 1e-2  # The fit of delay and lags ends after a smaller relative change.
