@@ -31,9 +31,9 @@ class Findings:
     # assessment of a fit of the reference paper's law (Bouc-Wen with polynomials) to the same runs
     paper_law: Assessment
     fluid: Fluid
-    warm_up: HeatResult  # heating at 15 mm, 1 Hz, 2 A for 35 min, also above the temperature limit
-    small: HeatResult  # heating at 5 mm, 1 Hz
-    fast: HeatResult  # heating at 3 mm, 2 Hz
+    warm_up: HeatResult  # heating by a sine of 15 mm, 1 Hz, 2 A for 35 min, also above the temperature limit
+    small: HeatResult  # heating by a sine of 5 mm, 1 Hz
+    fast: HeatResult  # heating by a sine of 3 mm, 2 Hz
     works: tuple[tuple[str, LoopWork], ...]  # load cycle and dissipated work of the three heating simulations
     sink: HeatsinkResult
     track: TrackResult

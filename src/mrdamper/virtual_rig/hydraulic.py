@@ -46,7 +46,7 @@ class HydraulicDamper:
     kind: ClassVar[str] = "hydraulic"  # kind of the damper in the C extension
 
     name: str = "hydraulic-bench"  # prefix of the run names
-    # cylinder, fluid and gas
+    # Parameters of cylinder, fluid compressibility and gas
     bore_m: Positive = 0.040
     rod_m: Positive = 0.016
     through_rod: bool = True  # True: the rod passes through both chambers
@@ -62,7 +62,7 @@ class HydraulicDamper:
     bulk_Pa: Positive = 1.5e9  # El0: bulk modulus of the liquid
     bulk_per_K: NotNegative = 0.0045  # kE: the bulk modulus at dT above 20 degC is El0 exp(-kE dT)
     expansion_per_K: NotNegative = 6e-4  # alT: thermal expansion of the fluid
-    # valve
+    # Parameters of the valve (annular gap)
     slot_diameter_m: Positive = 0.034  # mean diameter of the annular gap; its circumference is wv
     gap_m: Positive = 7e-4  # hg: height of the annular gap
     active_m: Positive = 0.010  # La: length of the gap under the poles
@@ -70,7 +70,7 @@ class HydraulicDamper:
     entrance_loss: NotNegative = 1.5  # zeta: loss coefficient at the entrance of the gap
     bypass_m2: NotNegative = 2e-7  # CdAb: discharge coefficient times area of the bypass
     bypass_Pa: Positive = 2000.0  # dp0: the bypass flow is laminar below this pressure difference
-    # fluid
+    # Parameters of the fluid
     density_kg_m3: Positive = 3000.0  # rho: density of the fluid
     carrier_kg_m3: Positive = 900.0  # rhoc: density of the carrier liquid
     # phi20: volume fraction of the iron particles at 20 degC
@@ -82,10 +82,10 @@ class HydraulicDamper:
     flow_index: Positive = 0.92  # nhb: exponent of the Herschel-Bulkley law
     flow_rate_1_s: Positive = 1000.0  # gref: shear rate at which a Bingham fluid has the same stress
     creep: Positive = 300.0  # viscosity before yield divided by the viscosity after yield
-    # The viscosity is cinf + cv / (1 + lam * shear rate) times as large in the passive part of the gap.
-    passive_least: NotNegative = 0.8  # cinf
-    passive_thinning: NotNegative = 1.0  # cv
-    passive_s: NotNegative = 0.002  # lam
+    # The passive part of the gap has cinf + cv / (1 + lam * shear rate) times the viscosity of the fluid.
+    passive_least: NotNegative = 0.8  # cinf: viscosity ratio at infinite shear rate
+    passive_thinning: NotNegative = 1.0  # cv: decrease of the viscosity ratio by shear thinning
+    passive_s: NotNegative = 0.002  # lam: half of the decrease is reached at the shear rate 1 / lam
     yield_Pa: NotNegative = 52e3  # ts: yield stress at magnetic saturation
     yield_A_m: Positive = 90e3  # Ha: the yield stress at field strength H is ts (1 - exp(-(H / Ha)^1.5))
     yield_least_Pa: Positive = 25.0  # t00: yield stress without magnetic field
@@ -94,7 +94,7 @@ class HydraulicDamper:
     fluid_T: Positive = 0.62  # Js: saturation polarisation of the fluid
     fluid_A_m: Positive = 85e3  # Hsf: field strength at half of the saturation polarisation
     fluid_lag_s: Positive = 8e-4  # tauf: time constant with which the fluid structure follows the flux
-    # coil, magnet and driver
+    # Parameters of coil, magnet and driver
     turns: Positive = 190.0  # Nt: number of turns of the coil
     coil_ohm: Positive = 5.0  # R20: coil resistance at 20 degC
     copper_per_K: NotNegative = 0.00393
@@ -121,7 +121,7 @@ class HydraulicDamper:
     supply_V: Positive = 24.0  # Vhi: upper voltage limit
     highest_A: Positive = 2.5  # Imax: the driver limits the command to this current
     command_lag_s: Positive = 3e-4  # tauc: lag of the command
-    # piston, joint and seal
+    # Parameters of piston, joint and seal
     piston_kg: Positive = 0.45  # ms: moving mass
     pin_N: NotNegative = 2e9  # kH [N/m^1.5]: contact stiffness of the pin in the joint between rod and piston
     pin_s_m: NotNegative = 0.15  # alh: damping of the contact of the pin (Hunt-Crossley)

@@ -50,7 +50,7 @@ class LumpedDamper:
     kind: ClassVar[str] = "lumped"  # kind of the damper in the C extension
 
     name: str = "nominal"  # prefix of the run names
-    # driver and coil
+    # Parameters of driver and coil
     coil_ohm: Positive = 5.0  # R0: resistance of the coil at 20 degC
     copper_per_K: NotNegative = 0.00393  # coefficient a of the resistance R0 (1 + a (T - 20 degC))
     coil_henry: Positive = 0.04  # L0: inductance at zero current
@@ -58,7 +58,7 @@ class LumpedDamper:
     supply_V: Positive = 24.0  # Vmax: voltage limit of the driver
     driver_V_A: NotNegative = 20.0  # Kp: proportional gain of the current controller
     driver_V_A_s: NotNegative = 2000.0  # Ki: integral gain of the current controller
-    # field
+    # Parameters of the magnetic field
     eddy_rise_s: Positive = 0.0045  # lag of the flux behind a rising current
     eddy_fall_s: Positive = 0.006  # lag of the flux behind a falling current
     eddy_per_K: NotNegative = 0.002  # coefficient c: the two eddy lags are divided by 1 + c (T - 20 degC)
@@ -70,7 +70,7 @@ class LumpedDamper:
     full_current_A: Positive = 2.0  # current at which the field function g is 1
     field_current_A: Positive = 1.5  # Is: saturation current
     field_exponent: Positive = 1.2  # p: exponent of the field function g
-    # yield force and pre-yield stiffness
+    # Parameters of yield force and pre-yield stiffness
     yield_N: Positive = 12.0  # Fy0: yield force without field
     yield_field_N: NotNegative = 1300.0  # Fym: additional yield force at full field (g = 1)
     yield_loss_per_K: NotNegative = 0.0014  # kT: relative decrease of Fym and s1 per kelvin
@@ -84,7 +84,7 @@ class LumpedDamper:
         0.015  # relative increase of the yield force in extension, equal to the decrease in compression
     )
     position: NotNegative = 0.0  # relative increase of the yield force at x = 5 mm; it grows with x^2
-    # viscous force
+    # Parameters of the viscous force
     viscous_N: NotNegative = 250.0  # Fv0: viscous force at the reference speed
     viscous_m_s: Positive = 0.0314  # reference speed of the viscous force
     viscous_exponent: Positive = 0.88  # nv: exponent of the speed in the viscous force
@@ -92,13 +92,13 @@ class LumpedDamper:
     # B and T0 of the viscosity, which is proportional to exp(B / (T - T0)); T0 = 0 is Arrhenius' equation
     viscosity_K: NotNegative = 404.0
     viscosity_pole_K: Annotated[float, Option(least=0.0, most=200.0)] = 153.15
-    # friction
+    # Parameters of the friction
     friction_N: NotNegative = 40.0  # Fc: sliding friction force
     friction_static: NotNegative = 1.5  # static divided by sliding friction
     stribeck_m_s: Positive = 0.003  # vs: Stribeck velocity
     friction_N_m: Positive = 4e5  # sf: stiffness of the friction bristle before sliding
     friction_loss_per_K: NotNegative = 0.002  # fT: relative loss of friction per kelvin
-    # spring, offset and compliance
+    # Parameters of spring, offset and compliance
     spring_N_m: NotNegative = 1500.0  # k1: stiffness of a parallel spring
     offset_N: float = 6.0  # f0: constant force
     leak_N_s_m: Positive = 1.5e6  # c1: dashpot in series with yield and viscous force, for the oil compliance

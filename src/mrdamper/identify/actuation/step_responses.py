@@ -83,8 +83,7 @@ def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationS
         samples = settled & (np.array(levels)[segment] == levels[k]) & (direction == direction[first])
         if np.count_nonzero(samples) < settings.level_sample_count_min:
             return None
-        from_above = np.array(falls)[segment]
-        return _fit_settled_force(run, law_force[levels[k]], samples, from_above, float(falls[k]))
+        return _fit_force_curve(run, law_force[levels[k]], samples, np.array(falls)[segment], float(falls[k]))
 
     responses = []
     for k, (first, end) in enumerate(pairwise(cuts[1:]), start=1):
@@ -146,7 +145,7 @@ def model_times(
     return times
 
 
-def _fit_settled_force(
+def _fit_force_curve(
     run: PreparedRun, law_force: FloatArray, samples: BoolArray, from_above: BoolArray, weight: float
 ) -> FloatArray:
     """Return the settled force [N] that the regression predicts for every sample of a run.
