@@ -77,7 +77,7 @@ class Constant:
 
 @dataclass(frozen=True)
 class OnOff(Constant):
-    """A controller that returns 2 A while the force is below the target in its direction, otherwise 0 A."""
+    """Return 2 A if the force has the sign of the target and is smaller than the target, otherwise 0 A."""
 
     name: str = "on-off"
     needs_force: bool = True
@@ -89,7 +89,7 @@ class OnOff(Constant):
 
 @dataclass(frozen=True)
 class Inverse(Constant):
-    """The exact inverse of ``Ideal``: I = (|F*| - low) / gain. F* is the previewed target, if available."""
+    """The exact inverse of ``Ideal``: I = (|F*| - low) / gain, with the previewed or else the present F*."""
 
     name: str = "inverse"
     low: float = 50.0
@@ -117,7 +117,7 @@ class Recording(Constant):
 
 
 LAST: list[tuple[Reference, Measurement]] = []
-"""What the last ``Recording`` was told, a pair per sample."""
+"""Inputs of the last ``Recording``: a pair of target and readings per sample."""
 
 
 def quiet(scenario, **changed):

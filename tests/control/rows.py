@@ -1,4 +1,4 @@
-"""Create input rows for controllers (target, preview, displacement, temperature, force), and run them."""
+"""Input rows of controllers: target, previewed target, displacement, temperature and force."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MOTION = MOTIONS["nonperiodic"]
 ROOM = 293.15
 
 
-def told(
+def motion_rows(
     controller: ForceController,
     seconds: float,
     *,
@@ -21,7 +21,7 @@ def told(
     noise: float = 10e-6,
     seed: int = 1,
 ) -> FloatArray:
-    """Return input rows for ``run``: a non-periodic motion, and a target force in phase with its velocity."""
+    """Return input rows of a non-periodic motion. The target force is in phase with the velocity."""
     t = controller.period_s * np.arange(round(seconds / controller.period_s))
     rng = np.random.default_rng(seed)
     rows = np.full((len(t), 5), np.nan)
@@ -32,7 +32,7 @@ def told(
     return rows
 
 
-def at_speed(controller: ForceController, speed: float = 0.03, *, kelvin: float = ROOM) -> bytes:
+def state_at_speed(controller: ForceController, speed: float = 0.03, *, kelvin: float = ROOM) -> bytes:
     """Return the controller state after 0.5 s at constant velocity, with fully developed hysteresis."""
     t = controller.period_s * np.arange(round(0.5 / controller.period_s))
     rows = np.full((len(t), 5), np.nan)
@@ -41,18 +41,18 @@ def at_speed(controller: ForceController, speed: float = 0.03, *, kelvin: float 
     return controller.run(controller.start(), rows)[0]
 
 
-def answer(
+def command_at_speed(
     controller: ForceController, state: bytes, wanted: float, speed: float = 0.03, *, kelvin: float = ROOM
 ) -> float:
-    """Continue at constant velocity for 60 ms with a constant target, and return the last command."""
-    rows = even(controller, wanted, speed, kelvin=kelvin)
+    """Return the command of a controller after 60 ms at constant velocity with a constant target."""
+    rows = constant_speed_rows(controller, wanted, speed, kelvin=kelvin)
     return float(controller.run(state, rows)[1][-1])
 
 
-def even(
+def constant_speed_rows(
     controller: ForceController, wanted: float, speed: float = 0.03, *, kelvin: float = ROOM
 ) -> FloatArray:
-    """Return rows of 60 ms at constant velocity from mid-stroke. The measured force equals the target."""
+    """Return input rows for 60 ms. The velocity is constant, and the measured force equals the target."""
     rows = np.full((round(0.06 / controller.period_s), 5), wanted)
     rows[:, 2] = speed * controller.period_s * (1.0 + np.arange(len(rows)))
     rows[:, 3] = kelvin

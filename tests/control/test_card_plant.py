@@ -1,4 +1,4 @@
-"""A card simulated step by step as a plant has the same force as the simulation of a whole record."""
+"""A model card as plant of the control loop has the same force as the simulation of a whole run."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def swing(t):
 @pytest.mark.system
 @pytest.mark.parametrize("law", list(LAWS))
 def test_stepwise_plant_equals_causal_simulation(law):
-    """The difference is below 1e-3 of the peak at 10 kHz. Acceleration is computed from velocity."""
+    """The plant computes the acceleration from the velocity, which changes the force by less than 0.1 %."""
     whole = path(swing)
     expected = simulate(damper(law), whole, form="causal")
     force = in_blocks(CardPlant(damper(law)), whole, 10)
@@ -94,11 +94,11 @@ def test_stepwise_plant_equals_causal_simulation(law):
 @pytest.mark.parametrize("width", [0.0, 0.05])
 def test_plant_delays_current_like_causal_simulation(width):
     lag = Actuation(rise_s=0.009, fall_s=0.006, second_s=0.003, delay_s=0.0035, hysteresis_width_A=width)
-    # The simulation assumes that the current is constant before the record.
+    # The simulation assumes that the current was constant before the first sample.
     whole = path(lambda t: np.where(t < 0.2, 0.0, swing(t - 0.2)))
     expected = simulate(damper(lag=lag), whole, form="causal")
     force = in_blocks(CardPlant(damper(lag=lag)), whole, 10)
-    # The plant holds the command during a step, whereas the simulation of the record interpolates it. The
+    # The plant keeps the command constant during a step, but the simulation interpolates the command. The
     # interpolated command changes half a step later.
     assert np.abs(force - expected)[1:].max() < 2e-3 * np.abs(expected).max()
 
@@ -109,7 +109,7 @@ def test_plant_force_ignores_block_size(size):
     lag = Actuation(rise_s=0.009, fall_s=0.006, second_s=0.003, delay_s=0.0035)
     whole = path(swing)
     together = in_blocks(CardPlant(damper(lag=lag)), whole, len(whole))
-    # A block of one sample detects a turning point only at the next sample.
+    # If the plant gets one sample per call, it detects a turning point only in the next call.
     near = 1e-6 * np.abs(together).max() if size == 1 else 1e-8
     assert in_blocks(CardPlant(damper(lag=lag)), whole, size) == pytest.approx(together, abs=near)
 

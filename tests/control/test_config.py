@@ -1,4 +1,4 @@
-"""The configuration of controllers has the same fields in Python and kernel, and limits its values."""
+"""The controller configuration has the same fields in Python and C. Invalid values are rejected."""
 
 from __future__ import annotations
 

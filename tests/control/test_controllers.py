@@ -25,7 +25,7 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, TemperatureDependent
 from mrdamper.models.laws import LAWS
 from mrdamper.quantities import REFERENCE_K
-from tests.control.rows import ROOM, answer, at_speed, told
+from tests.control.rows import ROOM, command_at_speed, motion_rows, state_at_speed
 from tests.support.cards import CHAIN, DOUBLE, LAGS, SERIES, at_once
 from tests.support.examples import examples
 
@@ -47,7 +47,7 @@ forces = st.floats(-2000.0, 2000.0) | anything
 
 @pytest.mark.parametrize("damper", [DOUBLE, SERIES, CHAIN], ids=lambda damper: damper.law.name)
 def test_card_without_temperature_gives_same_current(damper):
-    """At 20 degC, the reference temperature, the current is the same without temperature dependence."""
+    """At the reference temperature of 20 degC, temperature dependence does not change the current."""
     forms = {
         name: form.form if isinstance(form, TemperatureDependent) else form
         for name, form in damper.coefficients.items()
@@ -56,7 +56,7 @@ def test_card_without_temperature_gives_same_current(damper):
     currents = []
     for each in (damper, cold):
         made = controllers_for(each)["recommended"]
-        rows = told(made, 1.0, kelvin=REFERENCE_K, noise=0.0)
+        rows = motion_rows(made, 1.0, kelvin=REFERENCE_K, noise=0.0)
         currents.append(made.run(made.start(), rows)[1])
     assert np.mean(np.abs(currents[0] - currents[1])) < 0.02 * currents[0].mean()
 
@@ -68,9 +68,9 @@ def test_card_without_temperature_gives_same_current(damper):
 @pytest.mark.parametrize("speed", [0.03, -0.03])
 def test_controller_current_rises_with_target_force(law, name, speed):
     made = OF[law][name]
-    state = at_speed(made, speed)
+    state = state_at_speed(made, speed)
     wanted = math.copysign(1.0, speed) * np.linspace(-500.0, 3500.0, 81)
-    current = [answer(made, state, f, speed) for f in wanted]
+    current = [command_at_speed(made, state, f, speed) for f in wanted]
     assert (np.diff(current) >= -1e-9).all()
     assert current[0] == 0.0
     assert current[-1] == 2.0
@@ -81,7 +81,7 @@ def test_controller_current_rises_with_target_force(law, name, speed):
 def test_target_along_motion_gives_zero_current(name, speed):
     """A semi-active damper cannot push in the direction of the motion."""
     made = ALL[name]
-    assert answer(made, at_speed(made, speed), -math.copysign(400.0, speed), speed) == 0.0
+    assert command_at_speed(made, state_at_speed(made, speed), -math.copysign(400.0, speed), speed) == 0.0
 
 
 # --- Controller states --------------------------------------------------------------------------------------
@@ -91,7 +91,7 @@ def test_target_along_motion_gives_zero_current(name, speed):
 def test_single_steps_equal_one_controller_run(law, name):
     """A step returns a new state and does not change the state that is passed in."""
     made = OF[law][name]
-    rows = told(made, 0.2)
+    rows = motion_rows(made, 0.2)
     rows[:, 4] = 50.0
     state, currents = made.start(), []
     for row in rows:
@@ -110,16 +110,16 @@ def test_single_steps_equal_one_controller_run(law, name):
 @pytest.mark.parametrize("single", [False, True])
 def test_pickled_controller_gives_identical_states(single):
     made = replace(RECOMMENDED, single=single)
-    rows = told(made, 0.5)
+    rows = motion_rows(made, 0.5)
     again = pickle.loads(pickle.dumps(made))
     assert again.run(again.start(), rows)[0] == made.run(made.start(), rows)[0]
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_single_precision_gives_same_controller_command(name):
-    """The difference is below 2 mA in 99.9 % of the samples (predictive control, which has kinks: 99 %)."""
+    """The commands differ by less than 2 mA in 99.9 % of the samples (predictive controller: 99 %)."""
     made = ALL[name]
-    rows = told(made, 5.0)
+    rows = motion_rows(made, 5.0)
     rows[:, 4] = 0.8 * rows[:, 0]
     double, single = (each.run(each.start(), rows)[1] for each in (made, replace(made, single=True)))
     quantile = 0.99 if made.config.prediction.steps > 0 else 0.999
@@ -128,7 +128,7 @@ def test_single_precision_gives_same_controller_command(name):
 
 
 def test_instruction_sets_give_identical_controller_states():
-    rows, before = told(RECOMMENDED, 1.0), core.level()
+    rows, before = motion_rows(RECOMMENDED, 1.0), core.level()
     found = set()
     try:
         for level in core.levels():
@@ -189,17 +189,17 @@ def test_any_reading_gives_valid_command(which, rows, repeats, single):
 @examples(25)
 @given(rows=st.lists(st.tuples(forces, forces, readings, temperatures), min_size=1, max_size=40))
 def test_command_recovers_from_invalid_readings(law, rows):
-    """22 s after invalid readings, the command is the same as if they had been valid.
+    """22 s after invalid readings, the command equals the command of a run with valid readings.
 
     A displacement jump of a metre disturbs the estimated frequency, which recovers with a time constant of 1
     s. The valid temperatures have noise because a constant reading after a jump counts as a stuck sensor.
     """
     bad = np.column_stack([np.array(rows), np.full(len(rows), np.nan)])
     made = OF[law]["recommended"]
-    good = told(made, 22.5, noise=0.0)
+    good = motion_rows(made, 22.5, noise=0.0)
     good[:, 3] += 0.05 * np.random.default_rng(2).standard_normal(len(good))
-    # Both runs have the same number of samples because predictive control may spread a computation over
-    # several samples.
+    # The valid run has as many samples as the invalid run because a predictive controller may distribute a
+    # computation over several samples.
     before = np.tile(good[:1], (len(bad), 1))
     clean, after = (made.run(made.run(made.start(), each)[0], good)[1] for each in (before, bad))
     assert np.abs(after - clean)[22_000:].max() < 0.02
@@ -207,7 +207,7 @@ def test_command_recovers_from_invalid_readings(law, rows):
 
 def test_controller_resets_state_that_contains_nan():
     """The commands equal the commands from a new state, and a flag marks the reset."""
-    rows = told(RECOMMENDED, 0.2)
+    rows = motion_rows(RECOMMENDED, 0.2)
     state = RECOMMENDED.run(RECOMMENDED.start(), rows)[0]
     damaged = np.frombuffer(state, dtype=np.float64).copy()
     damaged[0] = math.nan  # The estimated displacement is the first number of the state.
@@ -220,8 +220,8 @@ def test_controller_resets_state_that_contains_nan():
 def faulted(
     column: int, value: float, *, seconds: float = 1.0, at: float = 0.5
 ) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
-    """Return commands and flags if a reading is constant from ``at`` on, and commands without this fault."""
-    good = told(RECOMMENDED, seconds)
+    """Return commands and flags with a reading that is constant after ``at``, and fault-free commands."""
+    good = motion_rows(RECOMMENDED, seconds)
     bad = good.copy()
     bad[round(at / PERIOD) :, column] = value
     clean, wrong = (RECOMMENDED.run(RECOMMENDED.start(), rows) for rows in (good, bad))
@@ -238,7 +238,7 @@ def test_invalid_temperature_is_replaced_by_estimate(value):
 
 @pytest.mark.parametrize(("at", "accepted"), [(0.5, 2.5), (3.0, 6.0)])
 def test_temperature_jump_is_accepted_after_delay(at, accepted):
-    """A jump by 60 K is accepted after 2 s, or later if valid readings have lasted longer than 2 s."""
+    """A jump by 60 K is accepted after 2 s, or after 3 s if 3 s of valid readings preceded the jump."""
     current, flags, clean = faulted(3, ROOM + 60.0, seconds=accepted + 1.0, at=at)
     begin, end = round(at / PERIOD), round(accepted / PERIOD)
     assert (flags[begin : end - 10] & Flag.TEMPERATURE_JUMP).all()
@@ -248,7 +248,7 @@ def test_temperature_jump_is_accepted_after_delay(at, accepted):
 
 def test_missing_temperature_becomes_nominal_temperature():
     made = controllers_for(DOUBLE, safety=Safety(hold_s=0.5, nominal_K=363.15))["recommended"]
-    rows = told(made, 6.0)
+    rows = motion_rows(made, 6.0)
     rows[500:, 3] = np.nan
     state, _, flags = made.run(made.start(), rows)
     assert not (flags[:990] & Flag.NOMINAL_TEMPERATURE).any()
@@ -257,7 +257,7 @@ def test_missing_temperature_becomes_nominal_temperature():
 
 
 def test_temperature_outside_tables_uses_table_edge():
-    edge, beyond = (told(RECOMMENDED, 0.5, kelvin=k) for k in (398.15, 420.0))
+    edge, beyond = (motion_rows(RECOMMENDED, 0.5, kelvin=k) for k in (398.15, 420.0))
     _, current, flags = RECOMMENDED.run(RECOMMENDED.start(), beyond)
     np.testing.assert_allclose(current, RECOMMENDED.run(RECOMMENDED.start(), edge)[1], atol=1e-12)
     assert (flags & Flag.OUTSIDE_TEMPERATURE).all()
@@ -271,7 +271,7 @@ def test_missing_displacement_gives_fall_back_command(value):
     assert np.abs(current - clean)[500:510].max() < 0.1
     assert (current[625:] == 0.0).all()
     made = controllers_for(DOUBLE, safety=Safety(fall_back=0.4))["recommended"]
-    rows = told(made, 1.0)
+    rows = motion_rows(made, 1.0)
     rows[500:700, 2] = value
     _, current, flags = made.run(made.start(), rows)
     assert (current[625:700] == 0.4).all()
@@ -280,7 +280,7 @@ def test_missing_displacement_gives_fall_back_command(value):
 
 def test_stuck_displacement_is_flagged_in_motion():
     """A constant displacement reading is valid if the damper is at rest."""
-    frozen = told(RECOMMENDED, 1.0)[500, 2]
+    frozen = motion_rows(RECOMMENDED, 1.0)[500, 2]
     _, flags, _ = faulted(2, float(frozen))
     assert (flags[525:] & Flag.FROZEN).all()
     rest = np.full((3000, 5), np.nan)
@@ -326,13 +326,13 @@ def test_causal_controller_extrapolates_target_as_parabola():
 
 
 def test_scaled_controller_gives_scaled_force():
-    """If target and all force parts are doubled, the command stays the same (no spring, no offset)."""
+    """A controller that is scaled to twice the force gives the same command for twice the target."""
     bare = at_once(DOUBLE).with_parameters({"stiffness.value": 0.0, "offset.c0": 0.0, "offset.c1": 0.0})
     made = controllers_for(bare)["recommended"]
     twice = made.scaled(2.0, 2.0, 2.0)
     for wanted in (200.0, 500.0, 900.0):
-        assert answer(twice, at_speed(twice), 2.0 * wanted) == pytest.approx(
-            answer(made, at_speed(made), wanted)
+        assert command_at_speed(twice, state_at_speed(twice), 2.0 * wanted) == pytest.approx(
+            command_at_speed(made, state_at_speed(made), wanted)
         )
 
 
@@ -342,7 +342,7 @@ def test_scaled_controller_gives_scaled_force():
 )
 def test_clipped_controller_returns_zero_or_maximum(wanted, force, expected):
     made = ALL["clipped-on-off"]
-    assert made.step(at_speed(made), Reference(wanted), Measurement(0.0, ROOM, force))[1] == expected
+    assert made.step(state_at_speed(made), Reference(wanted), Measurement(0.0, ROOM, force))[1] == expected
 
 
 # --- Unsupported dampers ------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Estimators of controllers agree with the Riccati equation, closed forms, a card's actuation and Python."""
+"""Estimators of controllers agree with formulas, model cards and implementations in Python."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MOVED = MOTIONS["nonperiodic"]
 @examples(30)
 @given(period=st.floats(2e-4, 1e-2), noise=st.floats(1e-7, 1e-4), density=st.floats(0.05, 100.0))
 def test_motion_filter_covariance_solves_riccati_equation(period, noise, density):
-    """The reference is SciPy's solution, with units such that all values have a similar size."""
+    """Gains and covariance agree with SciPy's solution of the Riccati equation in scaled units."""
     step = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
     power = (density / noise) ** 2 * period**5
     drive = power * np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])
@@ -46,7 +46,7 @@ def test_motion_filter_covariance_solves_riccati_equation(period, noise, density
 
 
 def test_motion_filter_has_stated_velocity_error():
-    """The RMS error for white jerk and 10 um noise in 40 s equals the value of the covariance within 5 %."""
+    """For white jerk and 10 um noise, the filter predicts its RMS velocity error within 5 %."""
     rng, reference = np.random.default_rng(3), MotionFilter(PERIOD)
     stated = math.sqrt(reference.covariance[1, 1])
     n = 40_000
@@ -85,7 +85,7 @@ def test_controller_motion_estimate_matches_python_filter():
 
 @pytest.mark.parametrize("period", [2e-4, 1e-3, 4e-3])
 def test_current_observer_follows_actuation_of_card(period):
-    """The reference is the actuation of the card on a time grid that is 100 times finer."""
+    """The observer agrees with the card's model of current lags on a time grid that is 100 times finer."""
     rng = np.random.default_rng(4)
     command = np.repeat(rng.uniform(0.0, 2.0, 30), 5)
     observer = AppliedCurrent(LAGS, period)
@@ -95,8 +95,8 @@ def test_current_observer_follows_actuation_of_card(period):
         found.append(state.applied)
     fine = np.concatenate([np.zeros(100), np.repeat(command, 100)])
     whole = LAGS.apply(fine, period / 100.0)[100:]
-    # If the dead time ends between two samples, the observer interpolates with an error of a fraction of a
-    # period.
+    # The observer interpolates if the dead time is not a whole number of periods. The resulting time error
+    # is a fraction of a period.
     blur = 0.6 * period * 2.0 / (LAGS.rise_s + LAGS.second_s)
     assert np.abs(found - whole[99::100]).max() < max(2e-3, blur)
 
@@ -156,7 +156,7 @@ def test_disturbance_estimate_has_first_order_lag():
     made = controllers_for(DOUBLE)["recommended-observer"]
     state, surplus, found = made.start(), 40.0, []
     for k in range(2000):
-        # The measured force is the force of the model after the step plus the additional force.
+        # The measured force is the force of the controller's own model plus the additional force.
         row = np.array([[300.0, 300.0, 2e-5 * k, 300.0, np.nan]])
         after = made.run(state, row)[0]
         row[0, 4] = made.estimate(after).force + surplus

@@ -1,4 +1,4 @@
-"""The heat balance detects a stuck thermometer and raises no alarm if the damper is in thermal balance."""
+"""The heat balance of a controller detects a stuck thermometer, but accepts a constant temperature."""
 
 from __future__ import annotations
 
@@ -64,20 +64,20 @@ def first(flags: NDArray[np.int64]) -> float:
 
 @pytest.mark.parametrize("single", [False, True])
 def test_stuck_thermometer_is_flagged_at_5_kelvin(single):
-    """The flag is raised once the damper should be 5 K warmer. The assumed heat loss is zero to maximum."""
+    """The flag is raised at a calculated rise of 5 K, for a heat loss from zero to its assumed maximum."""
     made = model(single=single)
     _, _, flags = made.run(made.start(), rows(80.0))
     heat = power_of(ROOM) + 4.0 * PAPER.coil.resistance
     soonest = 5.0 * WHOLE.capacity_J_K / heat
     loss = WHOLE.loss_ratio_max * WHOLE.loss_W_K
-    # Time after which C dT/dt = P - G T gives T = 5 K
+    # The temperature rise T reaches 5 K at this time, from C dT/dt = P - G T.
     latest = -WHOLE.capacity_J_K / loss * math.log(1.0 - 5.0 * loss / heat)
     assert 40.0 < soonest * 0.99 < first(flags) < latest * 1.01 < 60.0
     assert (flags[round(first(flags) / PERIOD) :] & FROZEN).all()
 
 
 def test_controller_detects_stuck_sensor_like_model():
-    """Both raise the flag at the same time within 5 %, although the controller sums the work term by term."""
+    """A controller and the damper model raise the flag at the same time within 5 %."""
     made = controllers_for(DOUBLE, period_s=PERIOD, heating=WHOLE)["recommended"]
     t = PERIOD * np.arange(round(75.0 / PERIOD))
     told = np.full((len(t), 5), np.nan)
@@ -89,7 +89,7 @@ def test_controller_detects_stuck_sensor_like_model():
 
 
 def test_heat_balance_extrapolates_stuck_temperature():
-    """The estimate rises like a single heat capacity. A recovered sensor is used again after 2 s."""
+    """The estimate rises like the temperature of a single heat capacity until the sensor works again."""
     made = model(extrapolate_temperature=True)
     state, _, flags = made.run(made.start(), rows(500.0))
     heat = power_of(ROOM) + 4.0 * PAPER.coil.resistance

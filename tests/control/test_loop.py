@@ -1,4 +1,4 @@
-"""The sampled control loop: zero-order hold, delays, limits and sensors."""
+"""The control loop samples sensors, delays and limits commands, and keeps them constant for a period."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SHORT = quiet(Scenario(duration_s=1.0, unscored_s=0.25))
 
 
 def test_exact_inverse_has_only_hold_error():
-    """Holding a command for a period P causes a force error of at most P times the maximum slope 2 pi f A."""
+    """A command that is constant for a period causes at most this period times the steepest target slope."""
     run = run_loop(Ideal(), Inverse(), SHORT)
     feasible = attainable_range(Ideal(), run.course, 20.0, 2.0).feasible(run.course.target)
     most = 2 * np.pi * 900.0 * 1e-3
@@ -104,7 +104,7 @@ def test_controller_gets_present_and_previewed_target():
 
 
 def test_noise_free_sensors_return_true_values():
-    """The measured force is the force of the preceding step. Other readings are values at the sample."""
+    """The measured force is the force one simulation step earlier. Other readings have no delay."""
     run = run_loop(Ideal(), Recording(), SHORT)
     seen = [s for _, s in LAST]
     expected = MOTIONS["sine5mm1Hz"].displacement(1e-3 * np.arange(1000))
@@ -114,7 +114,7 @@ def test_noise_free_sensors_return_true_values():
 
 
 def test_sensor_noise_has_specified_standard_deviation():
-    """The tolerances are four standard errors: s / sqrt(2 n) of a deviation s, s / sqrt(n) of a mean."""
+    """Tolerances are four standard errors: s / sqrt(2 n) of a standard deviation s, s / sqrt(n) of a mean."""
     scenario = replace(SHORT, sensors=Sensing(temperature_offset_K=5.0, lost_share=0.0), duration_s=4.0)
     run_loop(Ideal(), Recording(), scenario)
     seen = [s for _, s in LAST]
@@ -316,7 +316,7 @@ command_delay_s = 0.005
 
 def test_scenario_is_read_from_toml():
     scenario = Scenario.from_mapping(tomllib.loads(TOML))
-    assert scenario.motion == "sine3mm2Hz"  # The scenario named by ``like`` supplies this value.
+    assert scenario.motion == "sine3mm2Hz"  # The scenario that ``like`` names supplies the motion.
     assert scenario.target == SineTarget(700, 2, -10)
     assert scenario.sensors.dropouts == (Dropout("displacement", 1.5, 1.6),)
     assert scenario.disturbance.command_delay_s == 0.005

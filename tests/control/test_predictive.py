@@ -1,4 +1,4 @@
-"""The real-time model of the chain law, and the predictive controller that uses this model.
+"""The predictive controller is accurate, and so is the real-time model of the hysteresis law ``chain``.
 
 Values in the docstrings were measured when the test was written. Each test has a wider limit.
 """
@@ -25,7 +25,7 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Polynomial
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
-from tests.control.rows import told
+from tests.control.rows import motion_rows
 from tests.control.test_series import driven, forces
 from tests.support.cards import CHAIN, DAMPERS, DOUBLE, SERIES, at_once, changed
 
@@ -50,7 +50,7 @@ CHARGED = other(CHAIN, **HOLLOW | {"cavity_force": 950.0})
 def feasible_rms(
     model: Damper, scenario: Scenario, name: str = "predictive", *, of: Damper | None = None, **given: float
 ) -> float:
-    """Return the RMS error [N] on feasible samples. ``of`` is the damper model of the controller."""
+    """Return the RMS error [N] while the target is feasible. ``of`` is the damper model of the controller."""
     plant = CardPlant(model)
     made = controllers_for(of or model, largest=2.0, **given)[name]  # type: ignore[arg-type]
     course = reference_trajectory(scenario, plant.step_s)
@@ -131,7 +131,7 @@ def test_predictive_controller_beats_recommended_controller(name: str, seconds: 
 
 @pytest.mark.parametrize(("freewheel_time_s", "saturation"), [(0.025, 0.0), (0.05, 1.0)])
 def test_freewheeling_model_halves_tracking_error(freewheel_time_s: float, saturation: float) -> None:
-    """A controller whose model includes free-wheeling has half the error of one with a first-order fall."""
+    """The RMS error is halved if the controller models free-wheeling instead of a first-order fall."""
     wheels = Actuation(
         0.004, 0.001, 0.002, largest_command=2.0, freewheel_time_s=freewheel_time_s, saturation=saturation
     )
@@ -163,7 +163,7 @@ def test_velocity_estimate_of_sine_is_accurate() -> None:
 @pytest.mark.parametrize("model", EVERY, ids=lambda d: d.law.name)
 def test_target_jump_saturates_command_at_limit(model: Damper) -> None:
     made = controllers_for(model)["predictive"]
-    rows = told(made, 1.0)
+    rows = motion_rows(made, 1.0)
     rows[600:, 1] = 1e6
     current = made.run(made.start(), rows)[1]
     assert current.min() >= 0.0
@@ -203,7 +203,7 @@ def test_chain_model_recovers_from_missing_displacement() -> None:
 
 @pytest.mark.system
 def test_known_bus_period_reduces_tracking_error() -> None:
-    """If displacement arrives at 50 Hz, the error rises by 3 N with a configured period, else by 36 N."""
+    """A displacement that arrives at 50 Hz adds 36 N of error, or 3 N if its period is configured."""
     scenario = replace(SCENARIOS["sine-900N-1Hz"], temperature_degC=60.0, duration_s=2.0)
     slow = replace(scenario, sensors=Sensing(displacement_hold_s=0.02))
     plain = feasible_rms(DOUBLE, scenario)

@@ -33,11 +33,12 @@ NO_LAG_S = 1e-9  # The smallest lag, because the matrix exponential requires a p
 
 
 def of_two_lags(first: float, second: float, time: float) -> tuple[float, float, float, float]:
-    """Return four coefficients of two lags in series during a time step, from the matrix exponential.
+    """Return four coefficients of a time step of two lags in series, from the matrix exponential.
 
-    1, 2: the remaining fractions of the first and the second gap to a constant command, with g1' = -g1 / T1
-    and g2' = (g1 - g2) / T2. 3: the fraction of the first gap that is added to the second gap. 4: the gap of
-    the second lag to a ramp r' = 1 / time from rest, with g' = 1 / time - g / T2.
+    The gaps g1 and g2 are the differences between a constant command and the outputs of the two lags:
+    g1' = -g1 / T1, g2' = (g1 - g2) / T2. The first two coefficients are the fractions of g1 and g2 that
+    remain. The third is the fraction of g1 that is added to g2. The fourth is the gap that the second lag
+    has after a ramp from 0 to 1.
     """
     one, two = max(first, NO_LAG_S), max(second, NO_LAG_S)
     gaps = expm(time * np.array([[-1.0 / one, 0.0], [1.0 / two, -1.0 / two]]))
@@ -67,7 +68,7 @@ def test_sampled_current_lags_equal_matrix_exponentials(rise, fall, second, dela
 
 
 def test_sampled_lags_are_continuous_at_limits():
-    """With two equal lags, the second gap receives the fraction t/T exp(-t/T). A zero lag leaves no gap."""
+    """Two equal lags T have the coupling coefficient t/T exp(-t/T). A lag of zero has no effect."""
     period = 2e-3
     same = sampled_actuation(Actuation(0.004, 0.004 * (1.0 + 1e-9), 0.004), period)
     assert same.lags.rise_couple == pytest.approx(0.5 * math.exp(-0.5))
@@ -81,7 +82,7 @@ def test_sampled_lags_are_continuous_at_limits():
 @pytest.mark.parametrize("wheel", [0.0, 0.06])
 @pytest.mark.parametrize(("delay", "dead"), [(0.0, 0.0), (0.0034, 0.004)])
 def test_prediction_horizon_covers_response_time(wheel, delay, dead):
-    """The horizon begins after the dead time in whole periods. The lags are exact in each of its steps."""
+    """The horizon begins after the dead time, rounded up to whole periods, and covers the response time."""
     actuation = Actuation(0.05, 0.045, 0.02, delay, largest_command=2.0, freewheel_time_s=wheel)
     motion = motion_of(1e-3, 1e-3, 1e-6, 30.0, is_harmonic=True)
     found = prediction_of(actuation, 1e-3, motion, -600.0, 12.0)
@@ -104,7 +105,7 @@ def test_prediction_horizon_covers_response_time(wheel, delay, dead):
 
 @pytest.mark.parametrize(("period", "dead"), [(1e-3, 2e-3), (2e-3, 2e-3), (5e-3, 0.0)])
 def test_short_dead_time_is_not_predicted(period, dead):
-    """A dead time of 1.6 ms is ignored at 200 Hz because a delay of a whole period would be too long."""
+    """A dead time of 1.6 ms is ignored at 200 Hz because the next larger delay, one period, is 5 ms."""
     quick = Actuation(2e-3, 5e-3, 2e-3, 1.6e-3, largest_command=2.0)
     motion = motion_of(period, period, 1e-5, 30.0, is_harmonic=True)
     assert prediction_of(quick, period, motion, 500.0).dead == pytest.approx(dead)
@@ -131,7 +132,7 @@ def test_safety_times_become_sample_counts():
     warm = safety.thermometer(axes, heat)
     assert (warm.recover_samples, warm.nominal) == (600, 340.0)
     assert warm.change_max == pytest.approx(0.03)
-    assert warm.hold_samples == round(600.0 / 2e-3)  # Heat capacity divided by heat loss
+    assert warm.hold_samples == round(600.0 / 2e-3)  # The time is the heat capacity divided by the heat loss.
 
 
 def test_slow_bus_counts_as_stuck_later():

@@ -128,7 +128,7 @@ def test_target_against_velocity_is_infeasible(degrees):
 def test_coulomb_damper_feasibility_matches_formula():
     """A sine of 900 N is feasible while |F*| >= 70 N: a fraction 1 - (2/pi) asin(70/900) of the time.
 
-    The damper has 50 to 1650 N, and the margin is 20 N.
+    The damper reaches 50 to 1650 N, and the margin to these limits is 20 N.
     """
     course = reference_trajectory(Scenario(duration_s=2.0), 1e-4)
     inside = attainable_range(Ideal(), course, 20.0, 2.0).feasible(course.target)

@@ -1,4 +1,4 @@
-"""The series-valve law on microcontrollers: its model agrees with the kernel, and it has controllers."""
+"""The real-time model and the controllers of the hysteresis law ``series-valve`` are accurate."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Exponential, ParameterLaw, Polynomial, TemperatureDependent
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import Linear
-from tests.control.rows import at_speed, even, told
+from tests.control.rows import constant_speed_rows, motion_rows, state_at_speed
 from tests.support.cards import LAGS, SERIES, changed
 
 KELVIN = 333.15
@@ -151,7 +151,7 @@ def test_realtime_series_valve_dissipates_work(amperes: float) -> None:
 @pytest.mark.parametrize("name", ["recommended", "recommended-causal", "pi"])
 def test_single_precision_changes_command_below_milliampere(name: str) -> None:
     made = ALL[name]
-    rows = told(made, 3.0, amplitude=700.0, kelvin=KELVIN)
+    rows = motion_rows(made, 3.0, amplitude=700.0, kelvin=KELVIN)
     rows[:, 4] = 0.8 * rows[:, 0]
     single, double = (each.run(each.start(), rows)[1] for each in (replace(made, single=True), made))
     assert np.quantile(np.abs(single - double), 0.99) < 1e-3
@@ -159,7 +159,7 @@ def test_single_precision_changes_command_below_milliampere(name: str) -> None:
 
 
 def test_force_gains_scale_parts_of_force() -> None:
-    rows = told(RECOMMENDED, 0.4, kelvin=KELVIN)
+    rows = motion_rows(RECOMMENDED, 0.4, kelvin=KELVIN)
     aged = RECOMMENDED.scaled(1.2, 0.7, 2.0)
     state = RECOMMENDED.run(RECOMMENDED.start(), rows)[0]
     before, after = (made.estimate(state) for made in (RECOMMENDED, aged))
@@ -171,8 +171,8 @@ def test_force_gains_scale_parts_of_force() -> None:
 
 @pytest.mark.parametrize(("wanted", "infeasible"), [(-300.0, True), (9000.0, True), (900.0, False)])
 def test_infeasible_target_is_flagged(wanted: float, infeasible: bool) -> None:
-    state = at_speed(RECOMMENDED, kelvin=KELVIN)
-    after = RECOMMENDED.run(state, even(RECOMMENDED, wanted, kelvin=KELVIN))[0]
+    state = state_at_speed(RECOMMENDED, kelvin=KELVIN)
+    after = RECOMMENDED.run(state, constant_speed_rows(RECOMMENDED, wanted, kelvin=KELVIN))[0]
     assert bool(RECOMMENDED.flags(after) & Flag.INFEASIBLE) == infeasible
 
 

@@ -40,7 +40,7 @@ def test_target_knee_velocity_scales_with_motion():
 
 
 def test_proposed_motions_fill_stroke_and_speed():
-    """The amplitude is 80 % of the nearer stroke limit. A stroke range without zero gives no motion."""
+    """The amplitude is 80 % of the nearer stroke limit, or less if the speed limit requires it."""
     slow, fast, other = motions_within((-0.02, 0.01), (-10.0, 12.0))
     assert (slow, fast) == ("sine:8mm:1Hz", "sine:8mm:2Hz")
     time = np.linspace(0.0, 10.0, 20_001)
@@ -53,7 +53,7 @@ def test_proposed_motions_fill_stroke_and_speed():
 @pytest.mark.nightly
 @pytest.mark.parametrize("degrees", [20.0, 123.0])
 def test_targets_are_feasible_for_monotube_damper(degrees: float) -> None:
-    """The gas force of the hot damper is 50 % larger. 68 to 92 % of the samples are feasible."""
+    """The damper reaches 68 to 92 % of the target samples, although its gas force rises by 50 % when hot."""
     damper = PRESETS["hydraulic-monotube"]
     plant = Plant(damper)
     for target in size_targets(plant, damper.highest_A, default_campaign(damper).motions):

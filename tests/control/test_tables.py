@@ -24,7 +24,7 @@ every_law = pytest.mark.parametrize("law", TABULATED)
 
 
 def force_of_law(damper, current, kelvin, x, v, w):
-    """Return the force [N] at several currents and the viscous force, from the formula of the law."""
+    """Return the force and the viscous part [N] at several currents, from the formula of the law."""
     c = dict(zip(damper.law.names, damper.coefficients_at(current, kelvin), strict=True))
     fade = np.exp(-((v / c["stribeck_velocity"]) ** 2))
     viscous = c["viscosity"] * v * (max(abs(v), 1e-300) / 0.1) ** (c["viscous_exponent"] - 1.0)
@@ -41,7 +41,7 @@ def force_of_law(damper, current, kelvin, x, v, w):
 
 
 def force_of_tables(tables: DamperTables, kelvin, x, v, w):
-    """Return the force [N] at the currents of the tables, summed as in the kernel."""
+    """Return the force [N] at each current of the tables. The terms are summed as in the C kernel."""
     speed, side = abs(v), 1.0 if v >= 0.0 else -1.0
     saturation = float(tables.speed.saturation.evaluate(speed))
     yields = w[0] if tables.elements else side * saturation
@@ -57,7 +57,7 @@ def force_of_tables(tables: DamperTables, kelvin, x, v, w):
 @pytest.mark.system
 @every_law
 def test_table_force_equals_force_of_law(law):
-    """At currents and temperatures of the table, with full hysteresis, the error is below 0.02 N."""
+    """At the currents and temperatures of the table, the error of saturated hysteresis is below 0.02 N."""
     damper = DAMPERS[law]
     tables = tabulate(damper, 2.0)
     x, v = 3e-3, -0.02

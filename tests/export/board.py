@@ -65,7 +65,7 @@ BOARDS = {
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """Result of a replay: instructions per step (0 on this machine), stack, and hash of the outputs."""
+    """Instructions per step, stack and hash of a run. Only QEMU counts instructions (otherwise 0)."""
 
     least: float  # Instructions of the shortest step
     mean: float

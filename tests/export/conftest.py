@@ -1,4 +1,4 @@
-"""Fast tests compile exports without optimisation; ``tests/jobs/test_export.py`` compiles as users do."""
+"""Fast tests compile exports without optimisation, ``tests/jobs/test_export.py`` with optimisation."""
 
 from __future__ import annotations
 

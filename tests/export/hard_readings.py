@@ -25,13 +25,13 @@ CARD_RANGE_K = (293.15, 396.15)
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """A controller, its optimisation level, and its limits: instructions per step, code and stack size."""
+    """A controller with an optimisation level, and limits of instructions per step, code and stack size."""
 
     controller: str
     damper: str
     optimised: str
     most: int | None = None
-    most_code: int = 12  # Limit of the code size [kB]; unrolled loops need 50 % more
+    most_code: int = 12  # Limit of the code size [kB]
     most_stack: int = 1024  # Limit of the stack size [bytes]
 
     def made(self) -> ForceController:
@@ -52,11 +52,11 @@ SHOWN = (
     Shown("recommended", "chain", "-O2", 12_000, most_code=16),
     Shown("recommended", "chain, iron that saturates", "-O2", 12_000, most_code=16),
 )
-"""Measured controllers. The loops of the paper's bank are unrolled (``-O3``), which costs code."""
+"""Measured controllers. With ``-O3``, the compiler unrolls loops, which needs up to 50 % more code."""
 
 
 def dampers() -> dict[str, Damper]:
-    """Return dampers by the name of their law, with the temperature range of a card."""
+    """Return dampers for the range 20 to 123 degC, with the names of their hysteresis laws as keys."""
     every = DAMPERS | {"series-valve": SERIES, "chain": CHAIN}
     made = {name: replace(damper, temperature_range=CARD_RANGE_K) for name, damper in every.items()}
     iron = replace(

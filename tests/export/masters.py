@@ -44,7 +44,7 @@ def table_of(**columns: Any) -> np.ndarray:
 
 
 class Library:
-    """Represent an FMU that is unpacked and loaded."""
+    """An FMU that is unpacked and loaded."""
 
     def __init__(self, path: Path, folder: Path):
         self.folder = Path(fmpy.extract(str(path), unzipdir=str(folder)))
@@ -129,7 +129,7 @@ def _callbacks(messages: list[str]) -> Any:
 
 @dataclass(frozen=True)
 class FmuController:
-    """Replace a controller in the simulated loop by its FMU, which also holds the controller state."""
+    """A controller for the simulated loop whose commands and states are computed by an FMU."""
 
     slave: Slave
     like: ForceController  # The controller that the FMU replaces

@@ -116,7 +116,7 @@ def test_exported_tables_are_in_flash(tool, tmp_path):
 
 @pytest.mark.system
 def test_two_linked_exports_are_independent(tool, tmp_path):
-    """Two dampers that one program steps alternately have the same forces as in separate programs."""
+    """Each of three damper models in one program has the force of this model alone in Python."""
     names = {"front": "double-bouc-wen", "rear": "bouc-wen"}
     targets = {name: a_target(law, name=name, content="model") for name, law in names.items()}
     for name, target in targets.items():

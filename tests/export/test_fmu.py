@@ -54,7 +54,7 @@ def card(place):
 
 @pytest.fixture(scope="session")
 def made(place, card, tool):
-    """Return a function that returns target and FMU for given options. Each FMU is written only once."""
+    """Return a function that writes the FMU for given options once, and returns its target and path."""
     tool("gcc")
     known = {}
 
@@ -70,7 +70,7 @@ def made(place, card, tool):
 
 @pytest.fixture(scope="session")
 def loaded(made, place):
-    """Return a function that returns target and loaded FMU for given options."""
+    """Return a function that loads the FMU for given options once, and returns its target and library."""
     known = {}
 
     def load(content="controller", precision="float"):
@@ -232,7 +232,7 @@ def test_model_fmu_equals_python_bitwise(made, precision):
 
 
 def test_combined_fmu_matches_controller_and_model(loaded):
-    """In each period, the model receives the command that the controller returned at its start."""
+    """At each sample, the damper model applies the command that the controller returned one sample before."""
     target, library = loaded("both")
     table = controller_inputs()
     current, _ = commands(target, table)
@@ -297,7 +297,7 @@ def test_second_fmu_master_gets_same_commands(made):
 
 @pytest.mark.system
 def test_fmu_tracks_target_like_controller(loaded, place, monkeypatch):
-    """The command ``track`` prints the same row with the controller of a card and with its exported FMU."""
+    """The job ``track`` computes the same errors with the exported FMU as with the controller in Python."""
     from mrdamper.jobs import track
     from mrdamper.jobs.options import TrackOptions
     from mrdamper.registry import JOBS
@@ -427,7 +427,7 @@ def stepped_forces(library, lengths, motion=SINE, **switches):
     "lengths", [[2] * 1000, [5] * 400, [10] * 200, [1, 5] * 330, [10, 1, 1, 3, 7, 2] * 80]
 )
 def test_coarse_fmu_steps_give_similar_force(loaded, lengths, use_velocity):
-    """At the end of each step, the force is within 1 % of the peak from steps of single periods."""
+    """Communication steps of several periods change the force by less than 1 % of the peak force."""
     _, library = loaded("model")
     _, fine = stepped_forces(library, [1] * 2000, use_velocity=use_velocity)
     ends, coarse = stepped_forces(library, lengths, use_velocity=use_velocity)
@@ -448,7 +448,7 @@ class Ramp:
 
 @pytest.mark.parametrize("length", [2, 5, 10])
 def test_coarse_communication_steps_keep_final_force(loaded, length):
-    """The force after a stop depends on the motion before, so the extrapolation must not overshoot."""
+    """The FMU extrapolates the motion beyond the stop, but the remaining force does not change."""
     _, library = loaded("model")
     fine, coarse = (
         stepped_forces(library, [step] * (1000 // step), Ramp(), use_velocity=True)[1][-1]
@@ -547,7 +547,7 @@ int main(void)
 @pytest.mark.nightly
 @pytest.mark.parametrize("precision", one_by_day(["float", "double"]))
 def test_sanitizers_accept_fmu_wrapper(tmp_path, card, tool, precision):
-    """No input to 2000 instances causes a memory leak, an invalid access or an undefined conversion."""
+    """Extreme inputs to 2000 FMU instances cause no memory leak, invalid access or undefined conversion."""
     write_sources(target_of(card, precision=precision), tmp_path)
     (tmp_path / "lives.c").write_text(LIVES, encoding="ascii")
     sanitized = ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all", "-g"]

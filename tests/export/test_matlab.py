@@ -1,4 +1,4 @@
-"""The exported MATLAB folder gives, in Octave, the values of the card and the forces of the map."""
+"""Octave reads the exported MATLAB folder and gets the values of the card and the forces of the map."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ printf('%s|%s|%d\\n', damper.law, damper.command_unit, numel(damper.parameters.n
 
 
 def expected(table: ForceMap, values: np.ndarray, asked: np.ndarray) -> np.ndarray:
-    """Return the force by SciPy's linear interpolation, constant outside, without axes of one point."""
+    """Return SciPy's linear interpolation of the map. Points outside the map are moved to its edge."""
     along = [table.temperature - ZERO_CELSIUS_K, table.command, table.velocity]
     kept = [k for k, each in enumerate(along) if len(each) > 1]
     grid = RegularGridInterpolator([along[k] for k in kept], values.reshape([len(along[k]) for k in kept]))
@@ -65,7 +65,7 @@ def test_octave_reads_card_and_force_map(card, tmp_path, tool):
 
 
 def test_modelica_table_contains_map_and_breakpoints():
-    """The table states name and size for Modelica. The first row has commands, the first column speeds."""
+    """The table begins with its name and size. The first row contains commands, the first column speeds."""
     table = force_map(card_of(DAMPERS["bouc-wen"]))
     first, _, head, *rows = tables_text(table).splitlines()
     assert first == "#1"

@@ -1,4 +1,4 @@
-"""The force map equals the force of the law at mid-stroke, on both branches and at all grid points."""
+"""The force map equals the force of the hysteresis law at mid-stroke, for rising and falling velocity."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def rows_of(text):
 
 
 def sine(damper, speed, command, kelvin, *, samples=20_000, periods=4):
-    """Return velocity and force in the last period of a sine whose stroke is the stroke of the envelope."""
+    """Return velocity and force in the last period of a sine motion at constant command."""
     omega = speed / AMPLITUDE
     t = np.arange(samples * periods + 1) * (2.0 * math.pi / omega / samples)
     flat = np.ones_like(t)

@@ -41,7 +41,7 @@ def boards(tool):
 
 
 def replayed(shown: Shown, board: str, samples: int) -> tuple[Replay, int]:
-    """Return the result of a board for the readings, and the hash of the result in Python."""
+    """Run a controller on a board. Return its result, and the hash of the same outputs in Python."""
     controller = shown.made()
     told = readings(controller, samples)
     single = replace(controller, single=True)
@@ -60,7 +60,7 @@ def meets_its_bars(shown: Shown, there: Replay) -> None:
 
 @pytest.mark.parametrize("shown", one_by_day(BARRED[::-1]), ids=_name)
 def test_step_instruction_count_is_limited(boards, shown):
-    """The longest of 5,000 steps needs fewer instructions than its limit and than 1.25 times the mean."""
+    """None of 5,000 steps needs more instructions than the stated limit or than 1.25 times the mean."""
     there, here = replayed(shown, "M4F", 5_000)
     meets_its_bars(shown, there)
     assert there.hash == here

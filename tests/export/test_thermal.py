@@ -74,7 +74,7 @@ def folder(target, tmp_path_factory, tool) -> Path:
 
 
 def stepped(folder: Path, load: CompactLoad, *, command=1.0, thermometer=np.nan, ohm=np.nan):
-    """Step the compiled model and return temperatures and time to the limit every 0.5 s, and flags."""
+    """Run the compiled model. Return temperatures with the time to the limit, and flags, every 0.5 s."""
     columns = [load.power, command, load.ambient, load.air_speed, thermometer, ohm]
     np.savetxt(folder / "rows.txt", np.column_stack(np.broadcast_arrays(*columns)), fmt="%.9g")
     out = np.array(ran("sh", "-c", "./user < rows.txt", cwd=folder).split(), dtype=float).reshape(-1, 6)
@@ -146,7 +146,7 @@ def test_thermometers_correct_wrong_power(folder, model):
 
 
 def test_only_stuck_thermometer_is_flagged(folder, model):
-    """The damper warms, then rests. One sensor works, one is stuck from then on, one from the start."""
+    """The damper warms, then rests. One sensor works, one gets stuck at rest, and one is always stuck."""
     load = even(3600, np.where(np.arange(3600) < 1800, 110.0, 0.0), 0.0)
     truth = simulate_compact(model, load, start_K=ROOM_K)
     good = truth.fluid + np.random.default_rng(1).normal(0.0, 0.1, 3600)

@@ -78,7 +78,7 @@ def test_export_in_volts_equals_python():
 
 @pytest.mark.nightly
 def test_verification_inputs_raise_all_flags_of_readings():
-    """The rows of a verification of default length contain every kind of invalid reading."""
+    """The inputs of a verification with the default number of samples contain every kind of fault."""
     record = assert_same_bits(a_target(), 100_000)
     both = {
         "NO_DISPLACEMENT", "FROZEN", "MOTION_UNKNOWN", "NO_TEMPERATURE", "TEMPERATURE_JUMP",

@@ -64,7 +64,7 @@ def test_ramp_through_two_lags_matches_formula():
 
 
 def test_two_current_lags_converge_with_order_two():
-    """The first lag is exact. The second lag assumes that its input is linear between the samples."""
+    """The first lag has no discretisation error. The second lag interpolates its input linearly."""
     a, b = 0.030, 0.012
 
     def error(step: float) -> float:
@@ -97,7 +97,7 @@ def test_rise_and_fall_have_separate_time_constants(rise, fall):
 
 @given(rise=times, fall=times, second=times, delay=times)
 def test_area_above_step_response_is_total_lag(rise, fall, second, delay):
-    """The area between command and output is the step times the sum of lags and delay, up and down."""
+    """After a unit step up or down, the area between command and output is the sum of lags and delay."""
     both = Actuation(rise, fall, second, delay)
     step = (rise + fall + second + delay) / 500.0
     up = a_step(15_000)
@@ -174,16 +174,16 @@ def test_freewheeling_in_saturated_iron_matches_integrator():
 
 
 def test_hysteresis_of_saturated_iron_follows_flux():
-    """A fall from 5 A to 1 A opens the full hysteresis. A fall to 4 A adds half of the change of flux."""
+    """The output exceeds a falling command by the full width, or by half of a small flux change."""
     actuation = Actuation(0.0, 0.0, hysteresis_width_A=0.1, saturation=1.0)
     felt = actuation.apply(np.array([0.0, 5.0, 1.0, 5.0, 4.0, 4.5]), 1e-3)
-    fall = 5.0 / 6.0 - 4.0 / 5.0  # The change of flux is less than twice the half width.
+    fall = 5.0 / 6.0 - 4.0 / 5.0  # This flux change is smaller than the width.
     back = 5.0 / 6.0 - 4.5 / 5.5
     np.testing.assert_allclose(felt, [0.0, 5.0, 1.1, 5.0, 4.0 + 0.5 * fall, 4.5 + 0.5 * back], rtol=1e-12)
 
 
 def test_flux_of_saturated_iron_follows_lags():
-    """Two equal lags of the flux give 1 - (1 + t/tau) exp(-t/tau) within 1e-5, from 0 to 4 A and back."""
+    """A flux with two equal lags rises as 1 - (1 + t/tau) exp(-t/tau) after a step of the command."""
     tau, bend, step = 0.008, 1.5, 2e-5
     actuation = Actuation(tau, tau, tau, saturation=bend)
     time = step * np.arange(3000)
@@ -192,7 +192,7 @@ def test_flux_of_saturated_iron_follows_lags():
     command = np.full(3000, 4.0)
     command[0] = 0.0
     for levels, flux in ((command, end * (1.0 - left)), (4.0 - command, end * left)):
-        late = np.interp(time - 0.5 * step, time, flux)  # The step is a ramp during its first sample.
+        late = np.interp(time - 0.5 * step, time, flux)  # The command rises in one sample.
         found = actuation.flux(actuation.apply(levels, step))
         np.testing.assert_allclose(found[1:], late[1:], atol=1e-5 * end)
 
@@ -206,7 +206,7 @@ def test_flux_and_current_are_inverse_functions(level, bend):
 
 
 def test_narrow_and_wide_hysteresis_superpose():
-    """A fall from 2 A saturates the narrow loop first. A rise of 0.3 A closes only the narrow loop."""
+    """A falling command first opens the narrow loop fully. A small rise closes only the narrow loop."""
     narrow, wide = TWO_HYSTERESIS_WEIGHTS
     commands = np.array([0.0, 2.0, 1.9, 1.5, 0.0, 0.3, 2.0])
     felt = Actuation(0.0, 0.0, hysteresis_width_A=0.1, wide_hysteresis_width_A=0.4).apply(commands, 1e-3)
@@ -243,7 +243,7 @@ slow = np.concatenate([np.linspace(0.0, 2.0, 2001), np.linspace(2.0, 0.5, 1501),
 
 @pytest.mark.parametrize("width", [0.01, 0.08])
 def test_hysteresis_adds_width_to_falling_command(width):
-    """After a reversal, the output falls with slope 1/2 until it exceeds the command by the width."""
+    """After a reversal, the output falls half as fast as the command until they differ by the width."""
     felt = Actuation(0.0, 0.0, hysteresis_width_A=width).apply(slow, 1e-3)
     np.testing.assert_allclose(felt[:2001], slow[:2001], atol=1e-12)
     away = 2001 + int(2e3 * width) + 1

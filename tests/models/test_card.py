@@ -123,7 +123,7 @@ WARM_DOCUMENT = json.loads(json.dumps(card_to_json(WARM), default=dict))
 
 
 def document(*path, value, of=DOCUMENT):
-    """Return a valid document with one changed value and a valid hash; ``value=...`` removes the value."""
+    """Return the JSON of a card with one changed value and a valid hash; ``value=...`` removes the value."""
     changed = json.loads(json.dumps(of))
     inside = changed
     for key in path[:-1]:

@@ -71,7 +71,7 @@ def test_bingham_energy_matches_formula(command, viscosity, amplitude, frequency
 
 
 def test_dahl_energy_converges_to_rectangle():
-    """The energy that is missing to the rectangle 4 A F_y is proportional to 1 / rho."""
+    """The force loop is smaller than a rectangle of area 4 A F_y, by an area proportional to 1 / rho."""
     rectangle = 4.0 * SINE.amplitude * 300.0
     gaps = [1.0 - steady_cycle(dahl(rho), SINE, 0.0).energy_J / rectangle for rho in (4e3, 8e3, 16e3)]
     assert gaps[0] > 0.0
@@ -112,7 +112,7 @@ def test_gas_force_shifts_both_branches_equally():
 
 
 def test_relative_force_loss_decreases_with_current():
-    """The loss is the viscous fraction of the force times the decrease of the viscosity, as in the paper."""
+    """The relative force loss is the viscous fraction of the force times the loss of viscosity."""
     damper = bingham(viscosity=TemperatureDependent(Constant(3e3), Arrhenius(1435.5)))
     fall = 1.0 - math.exp(1435.5 * (1.0 / 373.15 - 1.0 / REFERENCE))
     viscous = 3e3 * OMEGA * SINE.amplitude
@@ -166,7 +166,7 @@ def response(damper: Damper) -> tuple[Response, Response]:
 
 
 def test_linear_force_responds_like_current():
-    """The time is delay - tau ln(1 - fraction), with the rise time upwards and the fall time downwards."""
+    """The force completes a fraction of its change in the time delay - tau ln(1 - fraction)."""
     damper = bingham(Actuation(rise_s=0.012, fall_s=0.007, delay_s=0.004), viscosity=Constant(900.0))
     for way, tau in zip(response(damper), (0.012, 0.007), strict=True):
         for times, fraction in (
@@ -177,7 +177,7 @@ def test_linear_force_responds_like_current():
 
 
 def test_quadratic_force_rises_later_and_falls_sooner():
-    """Upwards, the fraction is (1 - exp(-t/tau))^2. Downwards, exp(-2 t/tau) remains."""
+    """A rising force is proportional to (1 - exp(-t/tau))^2, a falling force to exp(-2 t/tau)."""
     up, down = response(bingham(Actuation(0.01, 0.01), yield_force=Polynomial((0.0, 0.0, 300.0))))
     assert up.force_t63 == pytest.approx(-0.01 * math.log(1.0 - math.sqrt(0.63)), rel=3e-3)
     assert down.force_t63 == pytest.approx(-0.005 * math.log(1.0 - 0.63), rel=3e-3)

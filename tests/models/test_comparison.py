@@ -1,4 +1,4 @@
-"""The comparison of two cards agrees with closed forms, is antisymmetric, and uses the common envelope."""
+"""The comparison of two model cards agrees with formulas in the range that both cards cover."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_parameter_z_is_difference_by_standard_error():
 
 
 def test_force_difference_below_model_errors_is_unclear():
-    """RMS errors of 60 and 80 N combine to 100 N, which exceeds a difference of 0.5 % of the force."""
+    """A force difference of 0.5 % is smaller than 100 N, the root sum of squares of two RMS errors."""
     verdict = compared(a_card(a_damper(), rmse=60.0), a_card(a_damper(1.005), rmse=80.0)).verdict
     assert verdict.startswith("No clear difference: ")
     assert "(100 N)" in verdict
@@ -133,7 +133,7 @@ def test_warm_dampers_are_compared_at_common_temperatures():
 
 
 def test_damper_without_temperature_is_compared_where_tested():
-    """At 60 degC, the yield force of the other damper is 4 % lower, so both forces are equal."""
+    """The second damper was tested only at 60 degC, where the first damper has the same yield force."""
     tested = replace(ENVELOPE, temperature=(332.0, 334.3))
     found = compared(a_card(warm_damper(), WARM), a_card(a_damper(0.96), tested))
     assert found.scope.temperatures == pytest.approx((333.15,))

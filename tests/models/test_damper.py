@@ -138,7 +138,7 @@ def test_message_names_invalid_damper(make, said):
     ("gain", "fine"), [(-2.3, True), (-39.9, True), (39.9, True), (-40.0, False), (41.0, False)]
 )
 def test_position_gain_is_limited_by_stroke(gain, fine):
-    """Within +-25 mm, 1 + gain x is positive if |gain| < 40 per metre."""
+    """The force factor 1 + gain x is positive within +-25 mm only if |gain| < 40 per metre."""
     damper = series_valve(position_gain=Constant(gain))
     assert (damper.problems(ENVELOPE) == ()) == fine
     if not fine:
@@ -171,7 +171,7 @@ def test_invalid_coefficient_when_warm_is_named():
     assert fading.violations(commands) == ()
     with pytest.raises(InputError, match=r"yield_force is -\d.* N; .*\(at 0 A, 95\.0 degC\)"):
         fading.check(WARM_ENVELOPE)
-    fading.check(ENVELOPE)  # Coefficients are evaluated at 20 degC.
+    fading.check(ENVELOPE)  # An envelope without temperatures is checked at 20 degC.
 
 
 def test_viscosity_pole_inside_temperatures_is_rejected():

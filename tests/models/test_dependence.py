@@ -122,7 +122,7 @@ def on_paper(law, parameters, command, kelvin=293.15):
 
 
 def scale_of(law, command, kelvin):
-    """Return the magnitude of the terms of a value, to which rounding errors are proportional."""
+    """Return the sum of the absolute terms of a value. Rounding errors are proportional to this sum."""
     if isinstance(law, TemperatureDependent):
         factor = abs(float(law.factor.value(kelvin)))
         if isinstance(law.factor, PolynomialFactor):

@@ -1,4 +1,4 @@
-"""Fluid models have the values of the paper, valid ranges, and files that can be read again."""
+"""Fluid models have published values and a valid range, and fluid files are read back unchanged."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def test_lord_viscosity_follows_walther_equation():
 
 
 def test_lord_density_agrees_with_iron_fraction():
-    """32 % iron (7860 kg/m^3) in oil (800 to 960) is heavier than the 2300 kg/m^3 that the paper states."""
+    """32 % iron (7860 kg/m^3) in oil (800 to 960 kg/m^3) is denser than the stated 2300 kg/m^3."""
     light, heavy = (0.32 * 7860.0 + 0.68 * oil for oil in (800.0, 960.0))
     assert LORD.density_kg_m3 is not None
     assert PAPER.density_kg_m3 is not None

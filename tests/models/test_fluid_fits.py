@@ -17,7 +17,7 @@ from tests.support.examples import examples
 
 KELVIN = np.linspace(293.15, 403.15, 23)
 LAWS = (Arrhenius(1435.5), Reynolds(0.013), Vft(753.0, 165.4))
-FIELDS = np.repeat(field_strength([0.1, 0.2, 0.4, 0.6], 0.32), 6)  # Flux densities of the paper
+FIELDS = np.repeat(field_strength([0.1, 0.2, 0.4, 0.6], 0.32), 6)  # The flux density is 0.1 to 0.6 T.
 AT = np.tile(np.linspace(293.15, 393.15, 6), 4)
 SCALES = [(FIELD_SCALE_A_m, "carlson"), (1.1e5, "carlson-free-scale")]
 
@@ -106,7 +106,7 @@ def test_extrapolated_and_rising_viscosity_are_noted():
 
 
 def test_vft_pole_at_bound_has_no_error():
-    """If ln(eta) is concave in T, the pole moves to its bound. There, the law equals Reynolds' law."""
+    """If ln(eta) is concave in T, the fitted pole is at its bound, where VFT equals Reynolds' law."""
     x = KELVIN - 293.15
     study = fit_viscosity(KELVIN, noisy(0.2 * np.exp(-0.005 * x - 6e-5 * x**2), 2, 0.002))
     assert math.isnan(named(study, "vft").parameters[2].standard_error)
@@ -163,7 +163,7 @@ def test_yield_points_without_field_are_not_fitted():
 
 
 def test_saturation_from_weak_fields_is_noted():
-    """In weak fields, tanh u = u within 0.1 %. The table then determines only the slope at the origin."""
+    """In weak fields, tanh u equals u within 0.1 %, so that the data determine only the initial slope."""
     field = np.repeat([1e3, 2e3, 4e3, 8e3], 4)
     kelvin = np.tile([293.15, 323.15, 353.15, 383.15], 4)
     stress = noisy(Carlson(47e3).stress(field) * Linear(1.5e-3).value(kelvin), 1)

@@ -35,14 +35,14 @@ def test_force_band_width_matches_formula():
 
 
 def test_motion_distance_is_larger_logarithm():
-    """Half the speed has a distance of ln 2, and twice the amplitude has a distance of ln 2, too."""
+    """The distance of two motions is the larger logarithm of the ratios of displacement and velocity."""
     size = MotionSize(0.01, 0.2)
     assert size.distance([MotionSize(0.01, 0.1), MotionSize(0.1, 0.2)]) == pytest.approx(math.log(2.0))
     assert size.distance([MotionSize(0.02, 0.1), MotionSize(0.01, 0.05)]) == pytest.approx(math.log(2.0))
 
 
 def test_distant_motion_widens_force_band():
-    """A motion farther away than usual has a wider band. A motion without velocity has the basic band."""
+    """The band is wider if a motion differs from the fitted motions by more than ``usual_distance``."""
     motion = drive(Sine(0.01, 2.0), duration=1.0, rate_Hz=400.0, command=0.0)
     own = MotionSize.from_motion(motion)
     assert own.displacement_m == pytest.approx(0.01 / math.sqrt(2.0), rel=2e-3)
