@@ -1,4 +1,4 @@
-"""The kernel computes the same force for a run in several batches, as in a closed loop, and in one call."""
+"""A run that the kernel simulates in several batches has the same force as in one batch."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""The universal curve of the Bouc-Wen law equals its quadrature, its closed form, and its own equation.
+"""The Bouc-Wen curve of the kernel agrees with quadrature, formulas and its differential equation.
 
 The curve is the hysteresis variable w versus the normalised travel tau, with exponent n and unloading shape
 kappa. The reference integrates the travel over q = -ln(1 - u), which removes the singularity at u = 1.
-Travel, slope and the derivatives by kappa and n (tangents) are exact to rounding, also next to w = 1. There,
+Travel, slope and derivatives by kappa and n are therefore exact to rounding near w = 1, where
 ``scipy.special.hyp2f1`` loses digits.
 """
 
@@ -28,9 +28,9 @@ kappas = st.floats(-1.0, 1.0)
 
 @dataclass(frozen=True)
 class Branch:
-    """Exact points of a branch du/dtau = 1 - k u^n with u(0) = 0; tau is ``travel``, ``slope`` is du/dtau.
+    """Points of the solution u of du/dtau = 1 - k u^n with u(0) = 0, for tau = ``travel``.
 
-    ``by_k`` and ``by_n`` are the derivatives of u with respect to k and n at fixed travel.
+    ``slope`` is du/dtau. ``by_k`` and ``by_n`` are the derivatives of u by k and n.
     """
 
     travel: np.ndarray
@@ -110,7 +110,7 @@ def test_kernel_curve_matches_reference_curve(n):
 
 @given(kappa=kappas, n=exponents)
 def test_kernel_curve_is_monotonic_and_bounded(kappa, n):
-    """The falling side is tabulated to the first knot at or below w = -1 because no state is below -1."""
+    """The falling curve is tabulated only down to w = -1 because no hysteresis state is lower."""
     tau = np.concatenate(
         [np.linspace(-150.0, -3.0, 300), np.linspace(-3.0, 3.0, 4001), np.linspace(3.0, 150.0, 300)]
     )
@@ -127,10 +127,10 @@ def test_kernel_curve_is_monotonic_and_bounded(kappa, n):
 
 @pytest.mark.parametrize("n", EXPONENTS)
 def test_slope_of_curve_satisfies_differential_equation(n):
-    """dY/dtau = 1 - w^n (1 - kappa |w|^n on the falling side).
+    """The slope dw/dtau is 1 - w^n for rising w and 1 - kappa |w|^n for falling w.
 
-    The slope is the derivative of a table with an error of 5e-7. For n < 0.7 the curve has a corner at zero
-    that no cubic can follow. Therefore |tau| < 1e-3 is excluded.
+    The kernel differentiates a table of w with an error of 5e-7. For n < 0.7, |tau| < 1e-3 is excluded
+    because the curve has a corner at zero.
     """
     for kappa in KAPPAS:
         rise, fall = exact_branch(1.0, n), exact_branch(kappa, n, below=1.0 - 1e-9)
@@ -145,9 +145,9 @@ def test_derivatives_of_curve_match_reference(n):
     for kappa in KAPPAS:
         rise, fall = exact_branch(1.0, n), exact_branch(kappa, n, below=1.0 - 1e-9)
         _, _, by_kappa, by_n = core.curve(kappa, n, rise.travel)
-        assert not np.any(by_kappa)  # the rising side does not depend on kappa
+        assert not np.any(by_kappa)  # The rising curve does not depend on kappa.
         assert np.abs(by_n - rise.by_n).max() < 1e-6 * max(1.0, np.abs(rise.by_n).max())
         _, _, by_kappa, by_n = core.curve(kappa, n, -fall.travel)
         for found, exact in ((by_n, -fall.by_n), (by_kappa, -fall.by_k)):
-            bar = 1e-6 if kappa < 1.0 else 6e-6  # The table ends at 100 yield displacements.
+            bar = 1e-6 if kappa < 1.0 else 6e-6  # The table for kappa = 1 ends before w = -1.
             assert np.abs(found - exact).max() < bar * max(1.0, np.abs(exact).max()), kappa

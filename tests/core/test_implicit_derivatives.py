@@ -14,7 +14,7 @@ STATES = 1000
 SAMPLES = 12
 STEP_RATIO = 1e-5  # Step of the difference quotients, divided by the coefficient
 
-# Lower and upper limit of each coefficient. If both are positive, its logarithm is distributed uniformly.
+# Limits of random coefficients. The logarithm of a positive coefficient is distributed uniformly.
 VALVE = {
     **{
         "stiffness": (0.0, 2e3),
@@ -46,7 +46,7 @@ OPTIONAL = (
 
 
 def random_coefficients(name: str, draw: np.random.Generator) -> FloatArray:
-    """Return coefficients of shape (STATES, m). A third of the dashpots have the exponent 1."""
+    """Return random coefficients of shape (STATES, m). In a third of the states, the dashpot is linear."""
     table = np.tile([c.default or 0.0 for c in LAWS[name].coefficients], (STATES, 1))
     for key, (lower, upper) in (CHAIN if name == "chain" else VALVE).items():
         column = table[:, LAWS[name].names.index(key)]
@@ -76,7 +76,7 @@ def random_records(draw: np.random.Generator) -> list[core.Record]:
 
 @pytest.mark.parametrize("name", ["series-valve", "chain"])
 def test_implicit_derivatives_match_central_differences(name):
-    """The last samples of 1,000 random motions and models are compared. The largest deviation is 3e-4."""
+    """The derivatives at the last sample of 1,000 random runs agree within 3e-4."""
     draw, law = np.random.default_rng(0), LAWS[name].kernel or 0
     records, values = random_records(draw), random_coefficients(name, draw)
     ends, nothing = [record.samples - 1 for record in records], [np.zeros(r.samples) for r in records]

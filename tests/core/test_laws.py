@@ -1,6 +1,6 @@
 """Hysteresis laws of the kernel agree with an independent integrator, closed forms and conservation laws.
 
-Limits and special cases, and identical bits on all processors, are tested as well. Values in the docstrings
+Other tests compare limiting cases, and processors with different instruction sets. Values in the docstrings
 were measured when the test was written.
 """
 
@@ -143,18 +143,18 @@ def relative(found, expected) -> float:
 @pytest.mark.parametrize(
     ("name", "tolerance"),
     [
-        ("bouc-wen", 1e-7),  # The measured error is 1e-8.
-        ("dahl", 5e-7),  # The measured error is 1.4e-7, the error of the table at n = 1.
-        ("bouc-wen-saturating", 5e-7),  # The measured error is 1.3e-7.
+        ("bouc-wen", 1e-7),
+        ("dahl", 5e-7),  # The table of the curve has an error of 1.4e-7 at n = 1.
+        ("bouc-wen-saturating", 5e-7),
         ("double-bouc-wen", 1e-7),
         ("bingham", 1e-14),
         ("tanh", 1e-14),
     ],
 )
 def test_law_matches_adaptive_integrator(name, tolerance, rate):
-    """The reference is LSODA on the same Hermite interpolant. Errors are relative to the peak force.
+    """The reference integrates the same interpolated motion with LSODA.
 
-    These laws have no integration step, so the error does not depend on the sample rate.
+    The kernel solves these laws without an integration step, so the error does not depend on the sample rate.
     """
     trajectory = random_drive(1, rate=rate)
     d = damper(name, **FRICTION)
@@ -184,7 +184,7 @@ def test_law_with_varying_command_matches_integrator(name, tolerance):
 
 @pytest.mark.system
 def test_series_valve_converges_with_order_two():
-    """Halving the step divides the error by four: 3.7e-4 of the peak force at 1 ms, 5.6e-6 at 1/8 ms."""
+    """Half the step gives a quarter of the error, which is 3.7e-4 of the peak force at 1 ms."""
     trajectory = random_drive(0, duration=1.0)
     exact = simulate_reference(damper("series-valve"), trajectory)
 
@@ -202,7 +202,7 @@ def test_series_valve_converges_with_order_two():
 @pytest.mark.system
 @pytest.mark.parametrize(("name", "largest", "finest"), [("lugre", 1e-4, 2e-7), ("spencer", 2e-4, 2e-7)])
 def test_lugre_and_spencer_have_second_order(name, largest, finest):
-    """Halving the step divides the rms error by four, down to the table error of spencer (7e-8 at 1/16 ms).
+    """Half the step gives a quarter of the rms error. The table of spencer limits the error to 7e-8.
 
     At 1 ms, the largest error (at reversals) is 5.5e-5 of the peak force for lugre and 9.6e-5 for spencer.
     The rms error is 1.5e-5 and 1.6e-5.
@@ -270,7 +270,7 @@ def test_sliding_lugre_follows_stribeck_curve(speed):
 
 @pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
 def test_resting_force_follows_yield_force_partly(share):
-    """At rest, only a fraction of a yield-force change acts. The rest acts when the damper slides."""
+    """At rest, the force contains only a fraction of a yield-force change. Sliding adds the remainder."""
     time = np.arange(3001) * 1e-3
     x = 0.01 * np.clip(time, 0.0, 1.0) + 0.01 * np.clip(time - 2.0, 0.0, 1.0)
     v = np.where((time < 1.0) | (time > 2.0), 0.01, 0.0)
@@ -288,9 +288,9 @@ def test_resting_force_follows_yield_force_partly(share):
 
 
 def test_chain_creeps_linearly_below_yield_force():
-    """With a sharp knee, the force is speed divided by creep below the yield force, and constant above.
+    """If the knee is sharp, the force is speed divided by creep, but at most the yield force.
 
-    With a bypass, the force in excess of the valve is the squared speed divided by the bypass coefficient.
+    With a bypass instead of creep, the force is the square of speed divided by bypass coefficient.
     """
     for level in (200.0, 800.0):
         for speed in (5e-4, 2e-3, 0.05):
@@ -313,10 +313,10 @@ def test_chain_creeps_linearly_below_yield_force():
 @pytest.mark.system
 @pytest.mark.parametrize("off", [("play",), ("cavity_length", "flow_asymmetry")], ids=" ".join)
 def test_chain_converges_with_order_one(off):
-    """Three steps of 1/2, 1/8 and 1/32 ms are compared.
+    """The error is proportional to the step (1/2, 1/8 and 1/32 ms).
 
-    The corner of the yield force, and terms for which the reference integrator fails, are disabled. The first
-    20 ms are ignored because the gas of the cavity is compressed first.
+    The test disables the corner at the yield force, and terms (``off``) for which the reference integrator
+    fails. It ignores the first 20 ms, when the gas of the cavity is compressed.
     """
     trajectory = random_drive(0, duration=0.6)
     d = damper("chain", **FRICTION, **dict.fromkeys(("creep", "knee", "bypass", *off), 0.0))
@@ -336,7 +336,7 @@ def test_chain_converges_with_order_one(off):
 
 @every_law
 def test_law_force_is_odd_in_motion(name):
-    """A law is odd if it has no preload, gas, cavity or dependence on position."""
+    """Without preload, gas, cavity and dependence on position, a mirrored motion mirrors the force."""
     one_sided = {"offset": 0.0, **ONE_SIDED.get(name, {})}
     d, there = damper(name, **FRICTION, **one_sided), random_drive(4)
     back = replace(
@@ -376,7 +376,7 @@ def test_hysteresis_force_never_exceeds_yield_force(
 def work_of_last_cycle(
     d: Damper, motion: Sine, *, form: Literal["record", "causal"] = "record"
 ) -> tuple[float, float]:
-    """Return the dissipated work of the third cycle [J], and 4 A max|F| [J] for the amplitude A."""
+    """Return the work of the third cycle, and the area 4 A max|F| of the box around its force loop [J]."""
     per_cycle = 400
     trajectory = drive(
         motion, duration=3.0 / motion.frequency, rate_Hz=per_cycle * motion.frequency, command=0.0
@@ -442,7 +442,7 @@ PASSIVE = {
         **{"friction_force": positive, "friction_stiffness": decades(1e4, 1e8)},
         **{"static_excess": st.floats(0, 3), "fade_velocity": decades(1e-4, 1.0), "memory_force": positive},
         **{"memory_stiffness": decades(1e2, 1e6), "gas_force": st.floats(-500, 500)},
-        # There is no free play in series for the reason given in docs/laws.md.
+        # The coefficient ``play`` is zero because free play in series can return energy (docs/laws.md).
         **{"gas_length": decades(0.2, 2.0)},
         **{"creep": decades(1e-8, 1e-4), "knee": st.floats(0, 1)},
         **{"cavity_length": decades(1e-3, 0.3), "cavity_force": decades(10.0, 1e4)},
@@ -463,8 +463,8 @@ def test_any_coefficients_dissipate_work_per_cycle(
 ):
     """In a closed cycle, a damper with any admissible coefficients dissipates energy.
 
-    The trapezoidal rule with 400 samples has an error of 1e-4 of 4 A max|F|, the area of the box around the
-    force loop. The area of a thin loop can be smaller than this error.
+    A thin loop can have a small negative area because the trapezoidal rule has an error. This error is 1e-4
+    times the area of the box around the loop.
     """
     own = {key: data.draw(value, label=key) for key, value in PASSIVE[name].items()}
     common = {"viscosity": viscosity, "stiffness": stiffness, "coulomb_friction": coulomb}
@@ -483,7 +483,7 @@ def test_any_coefficients_dissipate_work_per_cycle(
     seed=st.integers(0, 99),
 )
 def test_lugre_is_passive_on_any_motion(rho, excess, fade, damping, size, seed):
-    """The work from rest is never negative if viscosity >= static excess x bristle damping.
+    """The work from rest is not negative if the viscosity is at least static excess times bristle damping.
 
     The trapezoidal rule at 1/16 ms has an error of 2e-3 of the dissipated work.
     """
@@ -498,7 +498,7 @@ def test_lugre_is_passive_on_any_motion(rho, excess, fade, damping, size, seed):
 @examples(25)
 @given(data=st.data(), size=decades(1e-4, 0.1), seed=st.integers(0, 99))
 def test_chain_is_passive_while_current_changes(data, size, seed):
-    """Work from rest is never negative for any motion and current if the force builds up only by travel."""
+    """The work from rest is not negative if a current change affects the force only after further travel."""
     own = {key: data.draw(value, label=key) for key, value in PASSIVE["chain"].items()}
     own |= {"gas_force": 0.0, "follow_share": 0.0}
     forms: dict[str, ParameterLaw] = {key: Constant(value) for key, value in own.items()}
@@ -529,14 +529,14 @@ def test_saturating_law_reduces_to_bouc_wen():
 
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
 def test_lugre_reduces_to_dahl(rate):
-    """Both laws are exact for any step: lugre uses an exponential, dahl a table with an error of 1.5e-7."""
+    """The kernel solves lugre with an exponential function and dahl with a table (error 1.5e-7)."""
     trajectory = random_drive(5, rate=rate)
     bristles = damper("lugre", static_excess=0.0, bristle_damping=0.0)
     assert relative(simulate(bristles, trajectory), simulate(damper("dahl"), trajectory)) < 5e-7
 
 
 def test_rigid_spencer_damper_equals_bouc_wen():
-    """At 1e12 N s/m, reversals between the samples of 1 ms cause an error of 1e-5 of the peak force."""
+    """Reversals between two samples of 1 ms cause an error of 1e-5 of the peak force."""
     trajectory = random_drive(5)
     inner = {"viscosity": 2500.0, "stiffness": 5600.0}
     # The inner spring is unstretched at the start of the run.
@@ -545,12 +545,12 @@ def test_rigid_spencer_damper_equals_bouc_wen():
     off = [
         relative(simulate(damper("spencer", series_damping=c1), trajectory), expected) for c1 in (1e7, 1e8)
     ]
-    assert off[0] / off[1] == pytest.approx(10.0, rel=0.1)  # The deviation is proportional to 1 / c1.
+    assert off[0] / off[1] == pytest.approx(10.0, rel=0.1)  # The error is proportional to 1 / c1.
     assert relative(simulate(damper("spencer", series_damping=1e12), trajectory), expected) < 1e-4
 
 
 def prototype(k: rig.SpencerDamper, voltage: float) -> Damper:
-    """Return the reference damper of the rig at one voltage, with normalised coefficients."""
+    """Return the law ``spencer`` with the coefficients of Spencer's prototype at one voltage."""
     limit = math.sqrt(k.a / (k.beta + k.gamma))
     return bare(
         "spencer",
@@ -576,11 +576,11 @@ def prototype(k: rig.SpencerDamper, voltage: float) -> Damper:
     ],
 )
 def test_spencer_matches_independent_runge_kutta_program(motion, voltage, largest, rms):
-    """The reference is the program of the virtual rig at 20 kHz with textbook coefficients of a 3 kN damper.
+    """The reference is a Runge-Kutta method at 20 kHz with the textbook coefficients of a 3 kN damper.
 
-    The kernel runs at 1 kHz. The largest errors in the three cases are 1e-4, 6e-4 and 2.2e-3 of the peak
-    force. The rms errors are 3e-5, 2e-4 and 7e-4 of the standard deviation. They are due to the unknown time
-    of a reversal within a millisecond, because the loop is steep (yield displacement 21 um).
+    The kernel runs at 1 kHz. In the three cases, the largest errors are 1e-4, 6e-4 and 2.2e-3 of the peak
+    force, and the rms errors are 3e-5, 2e-4 and 7e-4 of the standard deviation. The kernel estimates the time
+    of a reversal within a millisecond. This estimate matters because the yield displacement is only 21 um.
     """
     every, k = 20, rig.SpencerDamper()
     time_, x, force = (
@@ -601,7 +601,7 @@ def test_steep_bouc_wen_equals_dry_friction():
     trajectory = random_drive(7)
     force = simulate(bare("bouc-wen", yield_force=500.0, rho=1e8, kappa=0.0, n=2.0), trajectory)
     moving = np.abs(trajectory.velocity) > 1e-3
-    moving[0] = False  # The hysteresis variable w starts at zero.
+    moving[0] = False  # The initial w is zero.
     np.testing.assert_allclose(force[moving], 500.0 * np.sign(trajectory.velocity[moving]), atol=1e-3)
 
 
@@ -624,9 +624,8 @@ def test_rigid_series_law_equals_valve(rigid):
     values = {**TYPICAL["series-valve"], **rigid}
     expected = algebraic_valve(trajectory, values)
     found = simulate(damper("series-valve", **rigid), trajectory)
-    # If the spring is rigid, the force at the end of a step is computed from the mean velocity in the last
-    # 0.3 ms of the step. This method has order one. Its error is 100 N if the valve force changes sign within
-    # a step, 6e-3 of the peak force away from reversals, and 1e-3 of it in the middle of the strokes.
+    # If the spring is rigid, the kernel computes the force from the mean velocity in the last 0.3 ms of a
+    # step. The error is 100 N at reversals, otherwise at most 6e-3 of the peak force.
     moving = np.abs(trajectory.velocity) > 1e-2
     moving[:5] = False  # The spring is unstretched at the start.
     assert np.abs(found - expected)[moving].max() < 1e-2 * np.abs(expected).max()
@@ -638,9 +637,9 @@ def test_rigid_series_law_equals_valve(rigid):
 
 @every_law
 def test_causal_simulation_matches_whole_record(name):
-    """The required limit is 1e-4 of the peak force at 1 kHz, and the measured error is 1e-15.
+    """The causal simulation finds reversals without delay, so that its error is 1e-15 of the peak force.
 
-    Both forms reverse at the extremum of the same cubic, which is known from the next sample on.
+    A reversal is the extremum of a cubic, whose coefficients are available from the next sample on.
     """
     trajectory = random_drive(0)
     whole = simulate(damper(name), trajectory)
@@ -649,7 +648,7 @@ def test_causal_simulation_matches_whole_record(name):
 
 @pytest.mark.parametrize("name", ["bouc-wen", "bouc-wen-saturating", "double-bouc-wen"])
 def test_causal_simulation_matches_with_varying_command(name):
-    """Both forms use the mean of rho over a sample interval, so they agree to rounding."""
+    """The causal simulation also uses the mean of rho in a sample interval."""
     trajectory = with_command(random_drive(1))
     forms: dict[str, ParameterLaw] = {key: Constant(value) for key, value in TYPICAL[name].items()}
     d = Damper(
@@ -662,7 +661,7 @@ def test_causal_simulation_matches_with_varying_command(name):
 
 
 def differences(force_at, value: float) -> Iterator[np.ndarray]:
-    """Generate fourth-order central differences with three steps. The best step depends on the curvature."""
+    """Yield central differences with three step sizes because the best one depends on the curvature."""
     for share in (1e-4, 1e-5, 1e-6):
         h = share * (abs(value) or 1.0)
         first = force_at(value + h) - force_at(value - h)
@@ -712,7 +711,7 @@ def test_batched_squared_errors_match_single_runs(name):
 
 @every_law
 def test_summed_gram_matrix_matches_single_runs(name):
-    """The reference is the sum of S S^T by NumPy. The rows of S are force derivatives and residual."""
+    """The reference is NumPy's sum of S S^T. The rows of S are the force derivatives and the force error."""
     draw = np.random.default_rng(1)
     paths = [random_drive(seed, rate=200.0) for seed in (0, 1)]
     records = [core.open_record(path) for path in paths]
@@ -737,7 +736,7 @@ def test_summed_gram_matrix_matches_single_runs(name):
 @examples(25)
 @given(data=st.data(), seed=st.integers(0, 99), candidates=st.integers(1, 4))
 def test_vectorised_gram_sums_match_single_runs(name, data, seed, candidates):
-    """The residuals are bit-identical with single runs. Derivatives agree within the search tolerance."""
+    """Force errors are bit-identical with single runs. Derivatives agree within the solver tolerance."""
     draw = np.random.default_rng(seed)
     shapes = [(draw.uniform(0.01, 0.6), rate) for rate in (1000.0, 200.0, 1000.0, 500.0)]
     paths = [random_drive(k, duration=duration, rate=rate) for k, (duration, rate) in enumerate(shapes)]
@@ -759,7 +758,7 @@ def test_vectorised_gram_sums_match_single_runs(name, data, seed, candidates):
             rows = [*columns, measured[k] - force]
             scored = np.array(rows)[:, starts[k] :]
             size = np.maximum(np.linalg.norm(scored, axis=1), 1e-30)
-            # A smaller norm is only a rounding error.
+            # A derivative with a smaller norm consists of rounding errors.
             told = 1e-6 * np.linalg.norm(force) / np.maximum(np.abs(one[0, 0]), 1e-30)
             size[: len(told)] = np.maximum(size[: len(told)], told)
             pairs, expected = np.outer(size, size), scored @ scored.T
@@ -813,7 +812,7 @@ def test_instruction_sets_give_identical_forces(name):
 
 
 def test_dead_band_removes_false_reversals():
-    """Noise of 0.1 mm divides a sine of 10 mm at 1 kHz into 1800 pieces. The motion itself has seven."""
+    """Noise of 0.1 mm divides three periods of a sine into 1800 monotonic pieces instead of seven."""
     clean = drive(Sine(0.010, 1.0), duration=3.0, rate_Hz=1000.0, command=0.0)
     noisy = clean.displacement + np.random.default_rng(0).normal(scale=1e-4, size=len(clean))
     d = bare("bouc-wen", yield_force=1.0, rho=1500.0, kappa=-0.4, n=1.6)
@@ -858,7 +857,7 @@ def test_viscous_force_is_power_of_velocity(exponent, viscosity, seed):
 @every_law
 @pytest.mark.parametrize("varying", [False, True], ids=["command held", "command varying"])
 def test_viscous_force_and_derivatives_are_additive(name, varying):
-    """dF/dc0 is the power of velocity. The derivative by the exponent is the force times ln(|v| / v0)."""
+    """The viscous force is c0 v0 |v/v0|^m sign(v). Its derivative by m is the force times ln(|v| / v0)."""
     trajectory = with_command(random_drive(1)) if varying else random_drive(1)
     c, m = Polynomial((200.0, 150.0)), Polynomial((0.6, 0.3))
     plain = damper(name, viscosity=0.0)
@@ -905,7 +904,7 @@ def test_double_law_reduces_to_single_element():
 
 
 def test_reused_workspace_does_not_change_force():
-    """A table is reused for equal kappa and n. A different shape, or derivatives, require a new table."""
+    """The workspace computes its table again if kappa or n changes, or if derivatives are required."""
     record, workspace = core.open_record(random_drive(2)), core.Workspace()
     for name in ("bouc-wen", "double-bouc-wen", "spencer", "bouc-wen"):
         c, places = coefficients_of(damper(name)), range(len(LAWS[name].names))

@@ -118,7 +118,7 @@ def test_turning_points_of_sine_are_crests():
     """The crests of the cubic interpolant of a sine are accurate to fourth order in the step."""
     crests = 0.01 * np.array([1.0, -1.0, 1.0, -1.0])
     errors = []
-    for rate_Hz in (101.0, 202.0):  # At these rates, no sample is on a crest.
+    for rate_Hz in (101.0, 202.0):  # The crests are between two samples.
         trajectory = drive(Sine(0.01, 2.0), duration=1.0, rate_Hz=rate_Hz, command=0.0)
         found = [x for _, x in turning_points(trajectory)]
         errors.append(np.abs(found - crests).max())
@@ -133,7 +133,7 @@ def test_turning_points_of_sine_are_crests():
 @examples(12)
 @given(rho=st.floats(10.0, 1e5), kappa=st.floats(-1.0, 0.9), n=shapes["n"])
 def test_reference_integrator_agrees_with_formula(rho, kappa, n):
-    """The largest kappa is 0.9. Close to 1, the curve leaves its bound very slowly and amplifies errors."""
+    """The largest kappa is 0.9. At kappa = 1, w stays close to its bound, which amplifies errors."""
     values = {"viscosity": 0.0, "yield_force": 1.0, "rho": rho, "kappa": kappa, "n": n}
     w = simulate_reference(damper("bouc-wen", **values), UNEVEN)
     exact = bouc_wen_closed_form(UNEVEN.displacement, turning_points(UNEVEN), rho=rho, kappa=kappa, n=n)
@@ -177,9 +177,9 @@ def test_varying_rho_follows_same_curve():
 
 
 def test_linear_series_valve_is_maxwell_element():
-    """With a linear valve and no free play, the law is a Maxwell element with the state y.
+    """With a linear valve and no free play, the law is a Maxwell element.
 
-    The equation is k (x - y) + c (x' - y') = f0 + k0 y + D (1 + b x) y'.
+    The equation for the travel y of the valve is k (x - y) + c (x' - y') = f0 + k0 y + D (1 + b x) y'.
     """
     k, c, f0, k0, b, large = 2e5, 300.0, 40.0, 9e3, -30.0, 1e4
     valve = {"yield_force": 1.0, "yield_velocity": 10.0, "thinning": large, "thinning_exponent": 1.0}
@@ -234,7 +234,7 @@ class OwnBoucWen:
 
 
 def test_textbook_bouc_wen_equals_normalised_law():
-    """z_m = (A / (beta + gamma))^(1/n), rho = A / z_m, kappa = (gamma - beta) / (gamma + beta)."""
+    """With z_m = (A / (beta + gamma))^(1/n), rho is A / z_m, and kappa is (gamma - beta) / (gamma + beta)."""
     law = law_from_python(OwnBoucWen())
     values = {"A": 10.0, "beta": 3e6, "gamma": 1e6, "alpha": 4e5}
     own = Damper(law, {name: Constant(value) for name, value in values.items()})

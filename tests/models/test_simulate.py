@@ -106,7 +106,7 @@ def test_command_step_follows_first_order_lag():
     step, lag = 1e-3, 0.02
     command = np.concatenate([np.zeros(10), np.ones(200)])
     applied, _ = core.first_order_lag(command, step, lag)
-    # The command is a ramp from 0 to 1 during one sample: 1 - (lag/h)(1 - exp(-h/lag)).
+    # A ramp of the command in one sample interval h gives 1 - (lag/h)(1 - exp(-h/lag)).
     reached = 1.0 - lag / step * -np.expm1(-step / lag)
     expected = 1.0 - (1.0 - reached) * np.exp(-step / lag * np.arange(200))
     np.testing.assert_allclose(applied[10:], expected, atol=1e-14)
@@ -154,7 +154,7 @@ FACTOR_OF: dict[str, TemperatureFactor] = {
 
 
 def warm_damper(name: str, **changed) -> Damper:
-    """Return a damper with all temperature dependences. No value is at a bound."""
+    """Return a damper with temperature-dependent coefficients that are not at their bounds."""
     forms = dict(REFERENCE_DAMPERS[name].coefficients)
     forms |= {key: Constant(value) for key, value in FRICTION.items()}
     if name == "chain":
@@ -168,7 +168,7 @@ def warm_damper(name: str, **changed) -> Damper:
             forms[key] = TemperatureDependent(form, FACTOR_OF[key])
     forms["offset"] = Bipolynomial((40.0, -0.1, 5.0, 0.02), 1)
     if "n" in forms:
-        forms["n"] = Constant(1.47)  # The table of the kernel has a step of 1e-7 at n = 1.5.
+        forms["n"] = Constant(1.47)  # The kernel's table jumps by 1e-7 at n = 1.5.
     return Damper(LAWS[name], {**forms, **changed})
 
 
@@ -216,7 +216,7 @@ def test_temperature_dependent_damper_requires_temperature(form):
 
 @every_law
 def test_batched_simulation_matches_single_runs(name):
-    """The runs differ in length, step, command and temperature. One run warms up."""
+    """The runs differ in length, sample rate, command and temperature. One run has a rising temperature."""
     damper = warm_damper(name)
     paths = [
         warming(0.5, start=300.0, rise=0.0, duration=0.4),
@@ -233,7 +233,7 @@ def test_batched_simulation_matches_single_runs(name):
 @every_law
 @pytest.mark.parametrize("form", ["record", "causal"])
 def test_constant_temperature_path_equals_general_path(name, form):
-    """The fast path for one operating point equals coefficients at every sample, apart from rounding."""
+    """Coefficients that are computed once give the same force as coefficients at every sample."""
     damper, one = warm_damper(name), open_drive(warming(start=341.0, rise=0.0))
     assert one.temperature == 341.0
     assert not one.temperature_varies
@@ -267,9 +267,9 @@ def test_warming_dashpot_matches_formula():
     assert factor[-1] == pytest.approx(0.731, abs=1e-3)
 
 
-# Limits of the error on a run that warms up, relative to the peak force. The measured errors at 1 kHz are
-# 3e-5, 8e-5 and 5e-4. The valve uses its coefficients at the end of each sample interval (order one), which
-# gives 4e-3 if the command steps.
+# Limits of the force error at rising temperature, divided by the peak force. The measured errors at 1 kHz
+# are 3e-5, 8e-5 and 5e-4. The error of the valve is proportional to the sample interval because the valve
+# uses the coefficients at the end of the interval.
 WARMING_ERRORS = {"lugre": 1e-4, "spencer": 2e-4, "series-valve": 8e-4}
 ACTUATED_ERRORS = {**WARMING_ERRORS, "spencer": 3e-4, "series-valve": 6e-4}
 
@@ -288,7 +288,7 @@ def test_warming_run_matches_integrator(name, varying):
 
 
 def differences(force_at, value: float) -> Iterator[FloatArray]:
-    """Generate fourth-order central differences with three steps. The best step depends on the curvature."""
+    """Yield central differences with three step sizes because the best one depends on the curvature."""
     for share in (1e-4, 1e-5, 1e-6):
         h = share * (abs(value) or 1.0)
         first = force_at(value + h) - force_at(value - h)
@@ -316,7 +316,7 @@ DAILY = {"both"}
     "kind", [pytest.param(kind, marks=() if kind in DAILY else pytest.mark.nightly) for kind in RUNS]
 )
 def test_force_derivatives_with_heating_match_differences(name, kind):
-    """All parameters and the command lag are tested. In a part of the run, the temperature is clipped."""
+    """The parameters include the command lag. Temperatures above the range of the damper are clipped."""
     run = open_drive(RUNS[kind]())
     damper = replace(warm_damper(name), command_lag_s=0.03, temperature_range=(280.0, 345.0))
     parameters = [*damper.parameters, LAG]
@@ -334,7 +334,7 @@ def test_force_derivatives_with_heating_match_differences(name, kind):
             return simulate(moved, run)
 
         value = damper.command_lag_s if number == LAG else damper.parameters[number]
-        # The kernel ends its search at a relative residual of 1e-7, also in the difference quotient.
+        # The kernel solves implicit laws to a residual of 1e-7, which limits the difference quotients.
         assert is_tangent(columns[row], force_at, value, 2e-6), number
 
 
@@ -357,7 +357,7 @@ def test_force_with_actuation_matches_formula():
         {"yield_force": Polynomial((0.0, 1000.0)), "yield_velocity": Constant(0.01)},
         actuation=Actuation(tau, tau, tau, late),
     )
-    # The command is a ramp over one sample, which is equivalent to a step in the middle of the sample.
+    # A command that rises within one sample interval acts like a step in the middle of this interval.
     since = np.maximum(run.time - 0.20025 - late, 0.0) / tau
     expected = 1000.0 * (1.0 - (1.0 + since) * np.exp(-since)) * np.tanh(run.velocity / 0.01)
     np.testing.assert_allclose(simulate(damper, run), expected, atol=0.1)

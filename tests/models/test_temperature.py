@@ -1,4 +1,4 @@
-"""Temperature factors are 1 at 20 degC and agree with formulas, gradients and each other's limits."""
+"""Temperature factors are 1 at 20 degC and agree with formulas, derivatives and limiting cases."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_arrhenius_factor_is_vft_with_zero_pole(factor, kelvin):
 
 @given(reynoldses, temperatures)
 def test_vft_factor_with_low_pole_is_reynolds(factor, kelvin):
-    """With B = rate p^2, B/(T - p) - B/(T0 - p) tends to -rate x for p -> -infinity, with an error x/|p|."""
+    """For p -> -infinity and B = rate (T0 - p)^2, the VFT factor tends to exp(-rate (T - T0))."""
     pole = -1e6
     far = Vft(factor.temperature_rate * (REFERENCE_K - pole) ** 2, pole)
     exponent = math.log(float(factor.value(kelvin)))

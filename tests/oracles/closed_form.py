@@ -33,7 +33,7 @@ def constant_heating(
     ambient, start : temperatures of the ambient and at time zero [K]
     """
     seconds = np.asarray(time, dtype=np.float64)
-    # (1 - exp(-x)) / x is 1 at x = 0, so one formula holds with and without losses.
+    # The function (1 - exp(-x)) / x is replaced by its limit 1 if there are no losses (x = 0).
     share = conductance / capacity * seconds
     gained = np.where(share == 0.0, 1.0, -np.expm1(-share) / np.where(share == 0.0, 1.0, share))
     drive = (power - conductance * (start - ambient)) / capacity
@@ -41,7 +41,7 @@ def constant_heating(
 
 
 def with_constant_films(section: Section, films: FloatArray) -> Section:
-    """Return a section with one constant heat-transfer coefficient for each law [W/(m^2 K)]."""
+    """Return a section whose heat-transfer coefficients do not depend on temperature [W/(m^2 K)]."""
     return replace(section, films=np.repeat(np.asarray(films)[:, None], len(section.grid), axis=1))
 
 

@@ -63,8 +63,8 @@ class MotionFilter:
 
 
 @dataclass(frozen=True, slots=True)
-class Underway:
-    """State of ``AppliedCurrent``: both lags, output of the dead band, and delayed commands."""
+class LagState:
+    """State of ``AppliedCurrent``: outputs of two lags and of the hysteresis, and delayed commands."""
 
     first: float
     second: float
@@ -73,23 +73,23 @@ class Underway:
 
     @property
     def applied(self) -> float:
-        """Effective command [A or V]."""
+        """Current or voltage that determines the force, after lags and hysteresis [A or V]."""
         return self.second + HYSTERESIS_WEIGHT * (self.behind - self.second)
 
 
 @dataclass(frozen=True, slots=True)
 class AppliedCurrent:
-    """Effective current from dead time, two lags and hysteresis, exact for commands held during a period."""
+    """Effective current after dead time, two lags and hysteresis, for a command that is constant in a period."""
 
     actuation: Actuation
     period_s: float
 
-    def start(self) -> Underway:
+    def start(self) -> LagState:
         """Return the initial state: the current is zero, also in the past."""
         line = (0.0,) * (tuning.sampled_actuation(self.actuation, self.period_s).dead_samples + 2)
-        return Underway(0.0, 0.0, 0.0, line)
+        return LagState(0.0, 0.0, 0.0, line)
 
-    def step(self, state: Underway, command: float) -> Underway:
+    def step(self, state: LagState, command: float) -> LagState:
         """Return the state at the end of a period with this constant command."""
         sampled = tuning.sampled_actuation(self.actuation, self.period_s)
         lags = sampled.lags
@@ -102,6 +102,6 @@ class AppliedCurrent:
         second = given + lags.second * (state.second - given) + couple * gap
         first = given + (lags.rise if rises else lags.fall) * gap
         play = self.actuation.hysteresis_width_A
-        # ``behind`` is the output of the dead band plus its half width. It equals a rising command.
+        # ``behind`` equals a rising current and exceeds a falling current by up to two widths.
         behind = min(max(state.behind, second), second + 2.0 * play)
-        return Underway(first, second, behind, line)
+        return LagState(first, second, behind, line)

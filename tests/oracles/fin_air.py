@@ -30,12 +30,12 @@ _ALONG, _AROUND, _BEYOND, _DEEP = (
     12,
     12,
     0.5e-3,
-)  # Cells of the coarsest grid along fin, angle and far air, and cell size across the gap [m]
+)  # Cells of the coarsest grid: along the fin, around the tube, outside, and cell size in the gap [m]
 _FAR, _CROWDED, _BARE = (
     0.2,
     1.8,
     0.8e-3,
-)  # Outer radius of the air [m], crowding of cells at tube and rim [-], first cell on a bare tube [m]
+)  # Outer radius of the air [m], refinement at tube and rim [-], first cell on a bare tube [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,17 +45,17 @@ class FinAir:
     sides: float
     floor: float
     rim: float
-    drift: float  # Relative difference of the means over the last two quarters of the time [-].
-    mean: float  # Area mean of sides and floor, or the coefficient of a bare tube
+    drift: float  # Relative change between the third and the fourth quarter of the simulated time [-]
+    mean: float  # Area mean of fin sides and tube between the fins, or of a bare tube
     doubt: float = math.nan  # Relative error of ``mean`` caused by the grid [-]
 
 
 def settle_fin_air(folder: Path, gap: float, **given: float) -> FinAir:
-    """Return ``compute_fin_air`` extrapolated to cell size zero from two grids (Richardson extrapolation).
+    """Return heat-transfer coefficients extrapolated to cell size zero (Richardson extrapolation).
 
-    The cells of one grid have half the size. Errors are proportional to the square of the cell size (order
-    1.9 on three grids at 3 mm), so a third of the difference remains. The stated error is 1.25 times this
-    remainder, as in the grid convergence index.
+    The fine one of two grids has half the cell size. Errors are proportional to the squared cell size (order
+    1.9 on three grids at 3 mm), so the error of the fine grid is a third of the difference between the grids.
+    The stated error is 1.25 times the error of the fine grid, as in the grid convergence index.
     """
     rough, fine = (compute_fin_air(folder, gap, fine=each, **given) for each in (1, 2))
     sides, floor, rim, mean = (
@@ -144,7 +144,7 @@ def _radii(inner: float, outer: float, fine: int) -> FloatArray:
 def law_of(
     gap: float, wind: float, tube: float = 0.046, outer: float = 0.092, excess_K: float = 60.0
 ) -> float:
-    """Return the correlation divided by the conductivity of air [1/m]: sides, with the floor in still air."""
+    """Return the correlation divided by the conductivity of air [1/m]. Still air includes the bare tube."""
     air = air_at(_AMBIENT_K + 0.5 * excess_K)
     if wind > 0.0:
         return float(forced_side_film(wind, gap, tube, outer, air.kinematic_viscosity, air.prandtl))

@@ -4,9 +4,9 @@ The problem is fully nonlinear: heat-transfer coefficients are interpolated at t
 radiation and temperature-dependent sources. The time steps use Alexander's two-stage SDIRK method (L-stable,
 order 2) with a fixed-point iteration in each stage, instead of the ROS2 method of the package.
 
-``python -m tests.oracles.freefem 20`` (or ``10 20`` from the tenth body on) prints the errors of the reduced
-model, which ``heat`` uses, compared with FreeFem++ on random bodies. Their odd seeds were not used to choose
-constants.
+``python -m tests.oracles.freefem 20`` compares the reduced model, which ``heat`` uses, with FreeFem++ on 20
+random bodies and prints the errors (``10 20``: from the tenth body on). The random seeds of the bodies are
+odd. They were not used to choose constants of the model.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from tests.thermal.bodies import draw_body, odd_bodies
 
 __all__ = ["FreefemCourse", "run_freefem", "score_reduced", "write_freefem"]
 
-_INSULATED = 1000  # Label of the part of the outline that exchanges no heat
+_INSULATED = 1000  # Label of insulated sides of the outline
 
 
 @dataclass(frozen=True, slots=True, eq=False)

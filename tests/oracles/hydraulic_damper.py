@@ -25,8 +25,8 @@ MU0 = 1.25663706212e-6
 ATMOSPHERE = 101325.0
 SEAL_SHARE = np.array([0.4, 0.3, 0.2, 0.1])
 SEAL_PART = np.array([0.1, 0.2, 0.3, 0.4])
-# Scales of the states in order: command, coil, integral; flux; stops; field; position, speed, content, flow,
-# gas; seal.
+# Scale of each state. The states are command, coil current and integral part (3), flux (3), magnetic
+# hysteresis (6), field, piston position, piston speed, oil content, valve flow, gas, and seal (4).
 SCALE = np.array([1.0, 1.0, 1.0, *[1e-4] * 3, *[1.0] * 6, 1.0, 1e-2, 0.1, 1e-4, 1e-4, 1e-2, *[1e-2] * 4])
 
 
@@ -104,7 +104,7 @@ class Hydraulics:
         return math.copysign(h, density)
 
     def flow(self, wall: float, yield_Pa: float) -> float:
-        """Return the volume flow through the active slot at a positive wall shear stress."""
+        """Return the volume flow through the active length of the valve at a positive wall shear stress."""
         p, n = self.p, self.p.flow_index
         over = max(wall - yield_Pa, 0.0)
         m, k = n / (n + 1.0), n / (2.0 * n + 1.0)
@@ -129,7 +129,7 @@ class Hydraulics:
         return math.copysign(2.0 * p.active_m * wall / p.gap_m + lost, flow)
 
     def start(self, place: float, speed: float) -> FloatArray:
-        """Return the states at rest, with zero current and equal pressures."""
+        """Return the initial states at zero current and equal pressures for a piston position and speed."""
         p, y = self.p, np.zeros(22)
         filled = self.V1 + self.V2 + p.gas_m3 + (self.A2 - self.A1) * place
         warmth = self.gas_constant * self.T
@@ -146,7 +146,7 @@ class Hydraulics:
         return y
 
     def magnet(self, command: float, y: FloatArray) -> FloatArray:
-        """Return the rates of command, coil current, integral, flux, stops and field."""
+        """Return the rates of the first 13 states, from the command to the field."""
         p, rate = self.p, np.zeros(13)
         cf, i, integral = y[:3]
         error = cf - i

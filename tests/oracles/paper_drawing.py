@@ -20,12 +20,12 @@ from mrdamper.thermal.temperature_rise import simulate_rise
 
 __all__ = ["CLAIMED_DEGC", "solve_paper_drawing"]
 
-# Temperatures without fins after 30 and 35 min, and with five fins after 30 min
+# Temperatures that the paper states without fins after 30 and 35 min, and with five fins after 30 min.
 CLAIMED_DEGC = (129.9, 140.0, 76.9)
 
 
 def solve_paper_drawing(start: DamperDrawing, work: LoopWork) -> tuple[float, float, float]:
-    """Return heat capacity, convection factor and fin factor that reproduce the temperatures of the paper."""
+    """Return heat capacity and factors of convection and fins that give the temperatures ``CLAIMED_DEGC``."""
     sink = start.sink
     assert sink is not None
     duty = read_duty("sine:15mm:1Hz:2A:2100s")

@@ -1,7 +1,7 @@
-"""Solve for the preset ``paper``, whose force falls with temperature like the force of the paper's damper.
+"""Compute the parameters of the preset ``paper`` from the force loss that the reference paper states.
 
-The conditions are the peak force in the motion of the paper's thermal test, and the relative loss of force at
-two temperatures. The preset contains the resulting parameters, and a test computes them again.
+The paper states the peak force in its thermal test, and the relative loss of force at two temperatures. A
+test computes the parameters again and compares them with the preset.
 """
 
 from __future__ import annotations

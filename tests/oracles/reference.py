@@ -1,8 +1,8 @@
-"""Reference for the kernel: each hysteresis law integrated directly, and Bouc-Wen in closed form.
+"""Reference for the kernel: an integrator for each hysteresis law, and a formula for Bouc-Wen.
 
-Tests compare the kernel with this module. The equations have their textbook form. The integrator is the one
-of user-defined laws (``mrdamper.models.python_law``). The closed form is independent of it: it inverts the
-hypergeometric function along each monotonic piece of motion.
+Tests compare the kernel with this module. The equations have their textbook form. User-defined laws use the
+same integrator (``mrdamper.models.python_law``). The formula for Bouc-Wen does not need the integrator: it
+inverts the hypergeometric function along each monotonic piece of motion.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.laws import HysteresisLaw
 from mrdamper.models.python_law import Equations, hermite, integrate, turns_of
 
-# The coefficient viscosity is the viscous force divided by the speed at this speed [m/s].
+# Speed [m/s] at which the coefficient ``viscosity`` is the viscous force divided by the speed.
 _VISCOUS_SPEED = 0.1
 
 Values = Mapping[str, float]
@@ -36,8 +36,8 @@ def simulate_reference(damper: Damper, trajectory: Trajectory, *, tolerance: flo
     return integrate(damper, trajectory, _equations(damper.law), tolerance=tolerance)
 
 
-def _parallel(v: float, a: float, c: Values) -> float:
-    """Return the sum of the terms that all laws have: viscosity, inertia and Stribeck friction [N]."""
+def _common_terms(v: float, a: float, c: Values) -> float:
+    """Return the force of viscosity, inertia and Stribeck friction, which are part of every law [N]."""
     stribeck = c["coulomb_friction"] + c["breakaway_friction"] * math.exp(
         -((v / c["stribeck_velocity"]) ** 2)
     )
@@ -50,10 +50,10 @@ def _spring(x: float, c: Values) -> float:
 
 
 def _bouc_wen_rate(w: float, v: float, rho: float, kappa: float, n: float) -> float:
-    u = w if v > 0.0 else -w  # This is positive while the element is loaded.
+    u = w if v > 0.0 else -w  # The variable u is positive if loading continues.
     if u >= 0.0:
         return rho * v * (1.0 - math.pow(u, n))
-    # Beyond 1, rounding errors would grow at kappa = 1.
+    # A rounding error beyond |u| = 1 would grow at kappa = 1.
     return rho * v * (1.0 - kappa * math.pow(min(-u, 1.0), n))
 
 
@@ -288,13 +288,13 @@ def _equations(law: HysteresisLaw) -> Equations | None:
     if law.python is not None:
         return None
     if law.name == "spencer":
-        return Equations(_spencer, _with_parallel(_spencer_force), lambda c: (1.0 / c["rho"], 1.0))
+        return Equations(_spencer, _with_common_terms(_spencer_force), lambda c: (1.0 / c["rho"], 1.0))
     if law.name == "chain":
-        return Equations(_chain, _with_parallel(_chain_force), _chain_scale)
+        return Equations(_chain, _with_common_terms(_chain_force), _chain_scale)
     if law.name == "double-bouc-wen":
-        return Equations(_double, _with_parallel(_double_force), lambda _: (1.0, 1.0))
+        return Equations(_double, _with_common_terms(_double_force), lambda _: (1.0, 1.0))
     rate, force = _EQUATIONS[law.name]
-    summed = _with_parallel(lambda state, x, v, c: force(state[0], x, v, c))
+    summed = _with_common_terms(lambda state, x, v, c: force(state[0], x, v, c))
     if rate is None:
         return Equations(None, summed)
     one: Equation = rate
@@ -302,10 +302,10 @@ def _equations(law: HysteresisLaw) -> Equations | None:
     return Equations(lambda state, x, v, c: (one(state[0], x, v, c),), summed, scale)
 
 
-def _with_parallel(
+def _with_common_terms(
     force: Callable[[State, float, float, Values], float],
 ) -> Callable[[State, float, float, float, Values], float]:
-    return lambda state, x, v, a, c: force(state, x, v, c) + _parallel(v, a, c)
+    return lambda state, x, v, a, c: force(state, x, v, c) + _common_terms(v, a, c)
 
 
 def _travel_scale(c: Values) -> State:
