@@ -219,7 +219,7 @@ def test_internal_error_has_exit_code_1(monkeypatch, capsys, folder):
 
 
 def spoiled(folder, name, change, *, every=False):
-    """Write all runs to a folder; ``change`` modifies the columns of the first run or of every run."""
+    """Write the short runs to a folder, after ``change`` has modified the first run or every run."""
     place = folder / name
     place.mkdir()
     for number, run in enumerate(short_runs()):
@@ -283,7 +283,7 @@ def test_python_law_is_fitted_and_evaluated(folder):
 
 
 def test_interrupted_fit_writes_best_card(folder):
-    """An interrupt in the first search step is recorded in card and report, and the exit code is 4."""
+    """If the fit is interrupted in its first search step, card and report state this. The exit code is 4."""
 
     def interrupt(update: ProgressUpdate) -> None:
         if isinstance(update.detail, SearchState):
@@ -316,7 +316,7 @@ def test_unknown_dataset_is_rejected():
 
 @pytest.mark.nightly
 def test_public_sines_are_fitted_accurately(real_data, tmp_path):
-    """The limits for 20 UTFSM sines are 6.5 % (median), 8.5 % (worst with current) and 17 % (worst)."""
+    """The median error of 20 sines is at most 6.5 %, the largest error 17 % (with current: 8.5 %)."""
     runs = sorted((real_data / "dev").glob("utfsm_sine_*.csv"))
     answer = answer_of(mrdamper("fit", *runs, "--out", tmp_path / "out", "--json"))
     summary = answer["summary"]["training"]

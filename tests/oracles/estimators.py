@@ -79,7 +79,7 @@ class LagState:
 
 @dataclass(frozen=True, slots=True)
 class AppliedCurrent:
-    """Effective current after dead time, two lags and hysteresis, for a command that is constant in a period."""
+    """Effective current after dead time, two lags and hysteresis, for piecewise constant commands."""
 
     actuation: Actuation
     period_s: float

@@ -98,7 +98,7 @@ def _valve_force(y_rate: float, y: float, x: float, c: Values) -> float:
 
 
 def _valve_velocity(e: float, x: float, v: float, c: Values) -> float:
-    """Return the velocity at which valve and compliance have the same force [m/s]."""
+    """Return the velocity of the valve [m/s] at which valve force and compliance force are equal."""
 
     def surplus(y_rate: float) -> float:  # This function increases with y_rate.
         return _valve_force(y_rate, x - e, x, c) - _compliance_force(e, v - y_rate, c)
@@ -140,7 +140,7 @@ def _lugre_force(w: float, x: float, v: float, c: Values) -> float:
 
 
 def _spencer_inner(state: State, v: float, c: Values) -> float:
-    """Return the velocity y' of the series dashpot [m/s]; the states are e = x - y [m] and w."""
+    """Return the velocity y' of the series dashpot [m/s]. The state contains e = x - y [m] and w."""
     e, w = state
     pull = c["yield_force"] * w + c["inner_viscosity"] * v + c["inner_stiffness"] * e
     return pull / (c["inner_viscosity"] + c["series_damping"])
@@ -227,7 +227,7 @@ def _chain_cavity(growth: float, c: Values) -> tuple[float, float]:
 
 
 def _chain_moves(state: State, x: float, v: float, c: Values) -> tuple[float, float, float, float, float]:
-    """Return velocities of valve, free-play end and spring [m/s], growth of the cavity [1/s], and q [m].
+    """Return velocities of valve, free play and spring [m/s], growth of the cavity [1/s], valve travel [m].
 
     The states are the travel inside the free play, the elastic travel, the growth of the cavity and the
     bristle forces.
@@ -284,7 +284,7 @@ _EQUATIONS: Mapping[str, tuple[Equation | None, Equation]] = {
 
 
 def _equations(law: HysteresisLaw) -> Equations | None:
-    """Return rate and force of a law including the terms that all laws have, or None for a law in Python."""
+    """Return the equations of a law with the terms that all laws have, or None for a law in Python."""
     if law.python is not None:
         return None
     if law.name == "spencer":
@@ -309,7 +309,7 @@ def _with_common_terms(
 
 
 def _travel_scale(c: Values) -> State:
-    """Return the travel of the compliance under the yield force [m]."""
+    """Return the deflection of the compliance under the yield force [m]."""
     return (max(c["yield_force"], 1.0) / c["gap_stiffness"],)
 
 
@@ -331,14 +331,13 @@ def bouc_wen_distance(w: float, kappa: float, n: float) -> float:
 
     .. math:: \tau(w) = w\,F(1, 1/n; 1 + 1/n; w^n)
 
-    with kappa |w|^n in place of w^n for w < 0. F is Gauss's hypergeometric function; dtau/dw = 1/(1 - w^n),
-    or 1/(1 - kappa |w|^n) for w < 0.
+    F is Gauss's hypergeometric function, and dtau/dw = 1/(1 - w^n). If w < 0, kappa |w|^n replaces w^n.
 
     Notes
     -----
-    ``hyp2f1`` loses all digits near 1 if c - a - b is a rounding error instead of 0. Therefore b is computed
-    from c. It returns infinity from 1 - 1e-13 on, so that the leading terms of the logarithmic series are
-    used.
+    SciPy's ``hyp2f1(a, b, c, z)`` loses all digits near z = 1 if c - a - b is a rounding error instead of 0.
+    Therefore b is computed from c. From z = 1 - 1e-13 on, ``hyp2f1`` returns infinity. Therefore the leading
+    terms of the logarithmic series replace it.
     """
     c = 1.0 + 1.0 / n
     b = c - 1.0

@@ -5,8 +5,8 @@
     z'  = -gamma |v - y'| z |z| - beta (v - y') z^2 + A (v - y')          (exponent n = 2)
     alpha = alpha_a + alpha_b u,  c0 = c0_a + c0_b u,  c1 = c1_a + c1_b u
 
-The voltage u is constant in every run, so its first-order lag does not appear. The integration shares nothing
-with ``core`` and ``models``, whose law ``spencer`` is tested against it.
+The voltage u is constant in every run, so that its first-order lag has no effect. This program does not use
+``core`` and ``models``. Tests compare their law ``spencer`` with it.
 
 The constants belong to the 3 kN prototype of Spencer, Dyke, Sain & Carlson (1997), quoted from memory.
 """
@@ -93,7 +93,7 @@ def simulate(
     c0, c1 = damper.c0 + damper.c0_per_V * u, damper.c1 + damper.c1_per_V * u
     alpha = damper.alpha + damper.alpha_per_V * u
     share = 1.0 / (c0 + c1)
-    drive = (c0 * v + damper.k0 * x) * share  # This part of y' depends only on the motion.
+    drive = (c0 * v + damper.k0 * x) * share  # The motion alone determines this part of y'.
     by_z, by_y = alpha * share, damper.k0 * share
 
     def rates(k: int, y: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:

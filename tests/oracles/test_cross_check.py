@@ -35,10 +35,10 @@ def fading(kelvin: FloatArray) -> FloatArray:
 DUTY = Load(1800.0, fading, 16.8)
 
 
-def both_ends(
+def final_temperatures(
     model: FieldModel, load: Load, folder: Path, step: float = 20.0
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the temperatures of the package and of FreeFem++ at each node at the end of a load [K]."""
+    """Return the final temperatures [K] of the package and of FreeFem++ at each node."""
     theirs = run_freefem(write_freefem(model, load, folder, step=step))
     ours = simulate_field(model.equation, [load], longest_step=0.5 * step)
     distance, which = (np.asarray(each) for each in KDTree(theirs.nodes).query(model.nodes))
@@ -49,9 +49,9 @@ def both_ends(
 
 @pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE]), ids=["fins", "bare"])
 def test_freefem_agrees_at_every_node(tool: Tool, tmp_path: Path, drawing):
-    """The nonlinear problem lasts half an hour. The programs use different time steps of second order."""
+    """The load lasts half an hour. Package and FreeFem++ use different time integrators of second order."""
     tool("FreeFem++")
-    ours, theirs = both_ends(build_field(drawing), DUTY, tmp_path)
+    ours, theirs = final_temperatures(build_field(drawing), DUTY, tmp_path)
     assert np.ptp(theirs) > 3.0
     assert np.abs(ours - theirs).max() < 50e-3
 
@@ -63,7 +63,9 @@ def test_freefem_comparison_detects_wrong_film_coefficient(tool: Tool, tmp_path:
     mesh = mesh_section(section, 0.03, levels=0)
     load = replace(DUTY, duration=300.0)
     right, wrong = (
-        both_ends(discretise(replace(section, films=factor * section.films), mesh), load, tmp_path, 50.0)
+        final_temperatures(
+            discretise(replace(section, films=factor * section.films), mesh), load, tmp_path, 50.0
+        )
         for factor in (1.0, 0.9)
     )
     assert np.abs(right[0] - wrong[1]).max() > 50e-3

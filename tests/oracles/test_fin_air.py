@@ -28,7 +28,7 @@ def test_computed_bare_tube_matches_churchill_chu(folder):
 
 @pytest.mark.release
 def test_computed_single_disc_matches_pohlhausen(folder):
-    """Pohlhausen's laminar plate in strips (``test_annular_fins``) gives h / k = 735 per metre at 2 m/s."""
+    """Pohlhausen's formula for flow along strips (``test_annular_fins``) gives h / k = 735 per metre."""
     found = compute_fin_air(folder, 0.02, tube=0.006, thickness=5e-4, wind=2.0, fine=1)
     assert found.sides == pytest.approx(735.0, rel=0.08)
 

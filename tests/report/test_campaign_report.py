@@ -1,4 +1,4 @@
-"""Reports of campaigns with many runs or temperatures show levels, losses of force and characteristics."""
+"""Reports of campaigns with many runs or temperatures contain force losses and characteristics."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ def text(fitted):
     return PAGE.render(fitted)
 
 
-def said_in(text: str) -> str:
-    """Return the text of a page without style and markup, with single blanks."""
+def visible_text(text: str) -> str:
+    """Return the visible text of a page with single spaces."""
     text = re.sub(r"<style.*?</style>", "", text, flags=re.DOTALL)
     return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", text)).split())
 
@@ -118,7 +118,7 @@ def test_main_sine_has_most_operating_points():
 
 
 def test_measured_peak_force_equals_damper_force():
-    """The mean peak of two cycles is correct within a few standard deviations of the noise (4 N)."""
+    """The mean peak force of two cycles has an error of a few standard deviations of the noise (4 N)."""
     damper = warm_damper()
     for run in warm_runs(damper):
         prepared = prepare_run(run, AS_IT_IS)
@@ -132,7 +132,7 @@ def test_measured_peak_force_equals_damper_force():
         assert peak == pytest.approx(cycle.peak_N, abs=4.0 * NOISE_N)
         fastest = 2.0 * math.pi * motion.frequency * motion.amplitude
         assert pick.velocity == pytest.approx(fastest, rel=0.02)
-        # Samples within 18 degrees of the peak velocity have a viscous force that is 1.7 % lower on average.
+        # The measured force is a mean within 18 degrees of the peak velocity, where the speed is 1.7 % lower.
         assert pick.extension == pytest.approx(cycle.extension_N, rel=0.02, abs=NOISE_N)
         assert pick.retraction == pytest.approx(cycle.retraction_N, rel=0.02, abs=NOISE_N)
 
@@ -155,7 +155,7 @@ def test_smaller_force_loss_at_high_current_is_reported(fitted, judged):
 
 
 def test_larger_force_loss_at_high_current_is_reported():
-    """The relative loss grows with current if only the yield force decreases with temperature."""
+    """The relative force loss increases with current if the viscosity does not depend on temperature."""
     runs = warm_runs(warm_damper(viscous_loss_K=0.0, yield_slope=4e-3))
     fitted = mrdamper.fit(runs, "dahl", terms=(), preparation=AS_IT_IS)
     warmth = temperature_section(Campaign(fitted, mrdamper.assess(fitted).runs))
@@ -164,7 +164,7 @@ def test_larger_force_loss_at_high_current_is_reported():
 
 
 def test_reported_force_loss_equals_damper(fitted, judged):
-    """The loss at 2 A and 100 degC combines the decreases of viscous force and yield force."""
+    """The loss at 2 A and 100 degC contains the losses of viscous force and yield force."""
     warmth = temperature_section(Campaign(fitted, judged.runs))
     assert warmth is not None
     truth = warm_damper()
@@ -191,7 +191,7 @@ def test_reported_characteristics_equal_damper(fitted, judged):
 
 
 def test_report_shows_each_temperature(text, judged):
-    said = said_in(text)
+    said = visible_text(text)
     for level in ("20 °C", "60 °C", "100 °C"):
         assert said.count(level) > 5
     pooled = math.sqrt(np.mean([e.rmse_N**2 for e in judged.runs if e.split == "held_out"]))
@@ -206,7 +206,7 @@ def test_report_table_contains_every_run(text, judged):
 
 @pytest.mark.nightly
 def test_assumed_temperature_factors_are_marked(fitted, text):
-    assert "assumed" not in said_in(text)
+    assert "assumed" not in visible_text(text)
     forms = {
         name: replace(form, assumed=True)
         if isinstance(form, TemperatureDependent) and name == "viscosity"
@@ -215,7 +215,7 @@ def test_assumed_temperature_factors_are_marked(fitted, text):
     }
     damper = replace(fitted.damper, coefficients=forms)
     assumed = replace(fitted, result=replace(fitted.result, damper=damper))
-    said = said_in(PAGE.render(assumed))
+    said = visible_text(PAGE.render(assumed))
     assert "The temperature dependence is assumed." in said
     assert "The temperature factor of viscosity was taken from a fluid" in said
     assert "viscosity, N s/m (assumed)" in said
@@ -225,16 +225,16 @@ def test_assumed_temperature_factors_are_marked(fitted, text):
 
 @pytest.mark.nightly
 def test_report_without_constant_currents_has_characteristics(fitted, judged):
-    """Such a campaign has no main sine and no measured points."""
+    """Without runs at constant current, the report has no measured operating points."""
     stepping = tuple(replace(error, command=None) for error in judged.runs)
-    said = said_in(PAGE.render(replace(fitted, assessment=replace(judged, runs=stepping))))
+    said = visible_text(PAGE.render(replace(fitted, assessment=replace(judged, runs=stepping))))
     assert "Effect of temperature" in said
     assert "current steps" in said
 
 
 @pytest.mark.nightly
 def test_many_runs_in_report_are_grouped(fitted, judged):
-    """A page with 49 runs has a folded table, and groups by temperature or, without it, by current."""
+    """A report with 49 runs contains a table of the worst run of each motion."""
     training = [run for run in fitted.training if "sine5mm" in run.name][:4]
     runs, errors = [], []
     by_name = {error.name: error for error in judged.runs}
@@ -246,7 +246,7 @@ def test_many_runs_in_report_are_grouped(fitted, judged):
     many = PAGE.render(
         replace(fitted, training=tuple(runs), held_out=(), assessment=replace(judged, runs=tuple(errors)))
     )
-    assert "All 49 runs" in said_in(many)
+    assert "All 49 runs" in visible_text(many)
     assert 'aria-label="The worst run of each motion"' in many
     few = PAGE.render(
         replace(

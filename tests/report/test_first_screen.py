@@ -59,7 +59,7 @@ def test_every_report_with_figure_has_page():
     "job", [job for name, job in JOBS.items() if name not in WITHOUT_A_PAGE], ids=lambda j: j.name
 )
 def test_report_templates_share_first_screen(job):
-    """A template adds only the part below the first screen, which is one template for all jobs."""
+    """All jobs use one template for the first screen. The template of a job adds only the part below."""
     page = job.reported.page
     loader = environment().loader
     assert loader is not None

@@ -78,7 +78,7 @@ def test_cancelled_fit_counts_as_unconverged(selected):
 
 
 def test_error_table_agrees_with_errors_csv(selected, tmp_path):
-    """Median, RMS and worst error in the table equal those computed from the rows of errors.csv."""
+    """Median, RMS and worst error in the table are equal to values computed from errors.csv."""
     assert REPORT.rows is not None
     write_table(tmp_path / "errors.csv", REPORT.rows(selected))
     rows = np.genfromtxt(tmp_path / "errors.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
@@ -101,7 +101,7 @@ def test_selection_reports_errors_on_subset_and_all(selected):
 
 
 def test_contradicting_errors_of_fit_become_finding(selected):
-    """A cross-validation error far below the training error is a finding."""
+    """A finding is reported if the cross-validation error is far below the training error."""
     first, *others = selected.selection.scores
     small = replace(first, cv_percent_by_run=tuple(0.1 * e for e in first.cv_percent_by_run))
     changed = replace(selected, selection=replace(selected.selection, scores=(small, *others)))

@@ -1,4 +1,4 @@
-"""A table is declared once, and terminal, report and web page show the same cells."""
+"""Terminal, report and web page show the same cells of a table."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_highlighted_table_rows_and_groups_are_shown():
 
 @given(st.integers(1, 2000))
 def test_long_table_states_omitted_rows(count):
-    """A long table shows evenly spaced rows, and its caption states the spacing."""
+    """A long table shows evenly spaced rows, and its caption states that rows are omitted."""
     (table,) = table_of([{"k": k, "name": "x", **{f"c{j}": None for j in range(9)}} for k in range(count)])
     shown = table.web_json()
     assert len(shown["rows"]) <= 120

@@ -168,7 +168,7 @@ def test_current_steps_occur_at_mid_stroke(small):
 
 
 def test_measured_runs_have_planned_motion(small):
-    """The preparation recognises the motion from the displacement."""
+    """The motion of a run without a motion label is recognised from its displacement."""
     labels = {run.motion: prepare_run(replace(run, motion="")).motion for run, _ in small}
     assert labels == {
         "sine5mm1Hz": "sine 5 mm 1 Hz", "chirp3mm": "chirp 3 mm 1-8 Hz", "steps": "triangle 12 mm 0.62 Hz"

@@ -1,4 +1,4 @@
-"""The hydraulic damper agrees with a separate implementation, its energy balance, and an integrator."""
+"""The hydraulic damper conserves energy and agrees with an integrator and another implementation."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ AT_CONSTANT_SPEED = {
         (120, 0): (-450.7, -389, -188.1), (120, 2): (696.4, 923.7, 1184), (120, 5): (696.4, 2040, 2338),
     }),
 }  # fmt: skip
-# Preset, temperature, current before and after, time to 63 % and 90 % of the force change [ms]
+# Preset, temperature, current before and after a step, then times to 63 % and 90 % of the force change [ms]
 STEPS = (
     ("hydraulic-bench", 20, 0, 1, 9.2, 14.0), ("hydraulic-bench", 20, 2, 0, 6.4, 11.6),
     ("hydraulic-bench", 120, 0, 2, 6.0, 8.6), ("hydraulic-bench", 120, 2, 1, 5.2, 9.0),
     ("hydraulic-monotube", 20, 0, 2, 9.4, 13.4), ("hydraulic-monotube", 20, 5, 0, 22.4, 51.2),
     ("hydraulic-monotube", 120, 5, 2, 6.0, 9.4), ("hydraulic-monotube", 120, 5, 0, 15.4, 34.0),
 )  # fmt: skip
-# Preset and temperature, then half the height of the force loop [N] and its area [J] at 0, 1/4, 1/2 and all
-# of the current
+# Preset and temperature, then half the height of the force loop [N] and the area of the loop [J]. The four
+# currents are 0, 1/4, 1/2 and 1 times the largest current.
 LOOPS = (
     ("hydraulic-bench", 20, (187.1, 529.9, 1124.4, 1684.5), (3.121, 9.769, 21.232, 31.844)),
     ("hydraulic-monotube", 120, (179.3, 824.3, 1869.1, 2600.4), (14.725, 77.836, 175.715, 238.65)),
@@ -72,7 +72,7 @@ def test_steady_forces_match_separate_implementation(preset):
 
 @pytest.mark.parametrize(("preset", "degrees", "before", "after", "t63_ms", "t90_ms"), STEPS)
 def test_step_responses_match_separate_implementation(preset, degrees, before, after, t63_ms, t90_ms):
-    """The motion has constant speed through x = 0. The current of a one-quadrant driver decays slowly."""
+    """The damper moves at constant speed. The driver of ``hydraulic-monotube`` reduces its current slowly."""
     step, speed = 2e-4, 0.03 if preset == "hydraulic-bench" else 0.15
     time = np.arange(-6250, 1251) * step
     x = speed * np.maximum(time, -0.25)
@@ -101,7 +101,7 @@ def test_force_loops_match_separate_implementation(preset, degrees, heights, are
     ("hydraulic-monotube", 0.0, 20.0), ("hydraulic-monotube", 5.0, 120.0),
 ])  # fmt: skip
 def test_hydraulic_work_is_stored_or_dissipated(preset, current, degrees):
-    """The balance covers one cycle at 2 Hz after half a cycle, with steps of 10 us."""
+    """The energy balance covers a cycle at 2 Hz, with steps of 10 us."""
     damper, step, (half, whole) = HYDRAULIC[preset], 1e-5, (25_000, 75_001)
     motion = Sine(SINES[preset].amplitude, 2.0)
     plant = Plant(damper, step_s=step, solver_step_s=step)
@@ -127,7 +127,7 @@ def _energies(of: Hydraulics, s, x, v, step) -> tuple[np.ndarray, float]:
     e, rate = x - s["piston_m"], v - s["piston_m_s"]
     beyond = np.maximum(np.abs(e) - p.joint_gap_m, 0.0)
 
-    def free(pressure):  # Free energy of the mixture divided by its content [J/m^3]
+    def free(pressure):  # Free energy of oil with gas, per content of oil [J/m^3]
         return 0.5 * of.a * pressure**2 + of.b * np.log(pressure)
 
     def enthalpy(pressure):
@@ -139,8 +139,8 @@ def _energies(of: Hydraulics, s, x, v, step) -> tuple[np.ndarray, float]:
     stored += 0.5 * p.piston_kg * s["piston_m_s"] ** 2 + 0.5 * inertance * s["flow_m3_s"] ** 2
     stored += 0.5 * p.joint_N_m * e**2 + 0.25 * p.joint_N_m3 * e**4 + 0.4 * p.pin_N * beyond**2.5
     stored += 0.5 * seal**2 @ stiff
-    # The atmosphere acts on the end of the rod. The loss of a flow is its enthalpy drop minus the work of
-    # inertia.
+    # Atmospheric pressure acts on the rod. The loss of a flow is the drop of its enthalpy minus the work that
+    # accelerates the oil.
     stored += 101325.0 * (of.A2 - of.A1) * s["piston_m"]
     flow = s["flow_m3_s"] + _bypass(of, one - two)
     power = (enthalpy(one) - enthalpy(two)) * flow
@@ -166,12 +166,12 @@ def _bypass(of: Hydraulics, drop):
 @pytest.mark.parametrize("degrees", [20.0, 120.0])
 @pytest.mark.parametrize("preset", HYDRAULIC)
 def test_hydraulic_force_matches_adaptive_integrator(preset, degrees):
-    """The current is maximal, then 0.3 A, then zero in mid-motion. The motion starts with a velocity jump."""
+    """The current falls to 0.3 A and to zero during the motion, which begins with a velocity jump."""
     motion, command = Sine(SINES[preset].amplitude, 2.0), CurrentSteps((HIGHEST_A[preset], 0.3, 0.0), 0.15)
     time = np.arange(451) * 1e-3
     expected = reference_force(HYDRAULIC[preset], motion, command, degrees, np.asarray(time, np.float64))
     x, v = motion.displacement(time), motion.velocity(time)
-    held = command.current(time - 0.5e-3)  # The command is constant over the step before a sample.
+    held = command.current(time - 0.5e-3)  # The current is constant between two samples.
     errors = [
         np.abs(
             simulate(HYDRAULIC[preset], x, v, held, degrees, step_s=1e-3, solver_step_s=step).force - expected

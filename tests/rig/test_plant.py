@@ -23,9 +23,9 @@ from tests.support.examples import examples
 NOMINAL = LUMPED["nominal"]
 NATIVE = Path(__file__).parents[2] / "src" / "mrdamper" / "virtual_rig" / "native"
 
-# This coil driver has only feed-forward of the resistance and a constant inductance.
+# The coil driver applies the voltage R0 I without feedback, and the inductance is constant.
 BARE_COIL = replace(NOMINAL, driver_V_A=0.0, driver_V_A_s=0.0, inductance_fall=0.0)
-# A coil without lag, and a damper with one bristle but without compliance, magnetic hysteresis and viscous
+# ``QUICK_COIL`` has no lag. ``RIGID`` has a single bristle, but no compliance, magnetic hysteresis or viscous
 # force.
 QUICK_COIL = replace(BARE_COIL, coil_henry=1e-9, supply_V=1e9, copper_per_K=0.0)
 RIGID = replace(NOMINAL, leak_N_s_m=1e30, play_share=0.0, viscous_N=0.0, spread=0.0, offset_N=0.0)
@@ -53,7 +53,7 @@ def driven(damper, motion, current, temperature_degC, duration, step=STEP_S):
 
 @pytest.mark.parametrize("degrees", [20.0, 100.0])
 def test_coil_current_follows_first_order_lag(degrees):
-    """With feed-forward only, i = I R0 / R (1 - exp(-t R / L)). R is the resistance of the warm coil."""
+    """The voltage R0 I gives a coil of resistance R the current I R0 / R (1 - exp(-t R / L))."""
     time, response = at_rest(BARE_COIL, 1.5, degrees, duration=0.05)
     ohm = 5.0 * (1.0 + 0.00393 * (degrees - 20.0))
     expected = 1.5 * 5.0 / ohm * (1.0 - np.exp(-time * ohm / 0.04))
@@ -61,7 +61,7 @@ def test_coil_current_follows_first_order_lag(degrees):
 
 
 def test_integral_control_holds_current_in_warm_coil():
-    """With feed-forward alone, the current would be I R0 / R."""
+    """Without integral control, a warm coil of resistance R would get the current I R0 / R."""
     assert at_rest(NOMINAL, 1.7, 123.0)[1].coil_current[-1] == pytest.approx(1.7, rel=1e-6)
 
 
@@ -73,7 +73,7 @@ def test_supply_voltage_limits_current_and_its_rise():
 
 
 def test_magnetic_flux_rises_and_falls_exponentially():
-    """Without coil lag, the flux is 1 - exp(-t / rise), then exp(-t / fall), and faster in warm iron."""
+    """Without coil lag, the flux is 1 - exp(-t / rise), then exp(-t / fall). Both times fall with heat."""
     damper = replace(QUICK_COIL, fluid_lag_s=1e-9, play_share=0.0)
     n = 1000
     command = np.concatenate([np.ones(n), np.zeros(n)])
@@ -86,7 +86,7 @@ def test_magnetic_flux_rises_and_falls_exponentially():
 
 
 def test_magnetic_hysteresis_shifts_field_by_half_width():
-    """The field is lower by the half width if the current rises, and higher by it if the current falls."""
+    """The field is half the loop width below a rising current and half the loop width above a falling one."""
     levels = (0.0, 1.0, 2.0, 1.0)
     command = np.repeat(levels, 2000)
     still = np.zeros(len(command))
@@ -101,7 +101,7 @@ def test_magnetic_hysteresis_shifts_field_by_half_width():
 @pytest.mark.parametrize("current", [0.0, 1.0, 2.0])
 @pytest.mark.parametrize("spread", [0.0, 0.27])
 def test_preyield_force_is_exponential_in_displacement(current, spread):
-    """In one direction, a bristle of stiffness s and maximum force F has the force F (1 - exp(-s x / F))."""
+    """After a travel x, a bristle of stiffness s and maximum force F has the force F (1 - exp(-s x / F))."""
     damper = replace(RIGID, spread=spread, friction_static=1.0, spring_N_m=0.0)
     plant = Plant(damper)
     plant.advance_many(np.zeros(5000), np.zeros(5000), current, 20.0)
@@ -110,7 +110,7 @@ def test_preyield_force_is_exponential_in_displacement(current, spread):
     force = plant.advance_many(np.zeros(n), np.full(n, speed), current, 20.0)
     g = (np.tanh(current / 1.5) / np.tanh(2.0 / 1.5)) ** 1.2
     level, stiffness = (12.0 + 1300.0 * g) * 1.015, 1.2e6 + 5e6 * g
-    stiffness *= 1.015  # The rate is s / Fy, and the target is (1 + asymmetry) Fy.
+    stiffness *= 1.015  # Asymmetry increases force and stiffness by the same factor.
 
     def bristle(ratio):
         return level * (1.0 - np.exp(-ratio * stiffness * way / level))
@@ -139,7 +139,7 @@ def test_steady_force_is_sum_of_parts(degrees, speed):
 
 
 def rates(damper, motion, command, degrees):
-    """Return the ordinary differential equations of the damper, and the force as function of their state."""
+    """Return the derivatives of the damper's states, and the force, as functions of time and states."""
     p, warmer = damper, degrees - 20.0
     ohm = p.coil_ohm * (1.0 + p.copper_per_K * warmer)
     kelvin = degrees + 273.15
@@ -193,7 +193,7 @@ def rates(damper, motion, command, degrees):
 
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
 def test_plant_force_matches_stiff_solver(preset):
-    """LSODA solves the equations without magnetic hysteresis, which is not a differential equation."""
+    """The reference is LSODA. Magnetic hysteresis is disabled because it is not a differential equation."""
     damper = replace(LUMPED[preset], play_share=0.0)
     motion, degrees = Sine(4e-3, 3.0), 70.0
     command = CurrentSteps((1.3, 0.2, 0.9), 0.08).current
@@ -212,7 +212,7 @@ def test_plant_force_matches_stiff_solver(preset):
 
 
 def test_plant_integration_has_first_order():
-    """The reference has a tenth of the step, so the errors are 1 - 1/10 and (half step) 1/2 - 1/10."""
+    """Errors are proportional to 1 - 1/10 and 1/2 - 1/10 because the reference has a tenth of the step."""
     forces = {
         k: driven(NOMINAL, Sine(5e-3, 1.0), 1.0, 40.0, 1.2, step=STEP_S / k)[2][::k] for k in (1, 2, 10)
     }
@@ -337,5 +337,5 @@ def test_plant_includes_no_kernel_code():
         for name in re.findall(r'#include\s+[<"](.+?)[>"]', path.read_text(encoding="utf-8"))
     }
     standard = {"Python.h", "math.h", "stdint.h", "stdlib.h", "string.h"}
-    interface = {"loop_plant.h"}  # This header has only a struct with one function, for the closed loop in C.
+    interface = {"loop_plant.h"}  # The header has a function for the control loop in C.
     assert included == {*standard, *interface, "plant.h", "hydraulic.h"}

@@ -35,8 +35,8 @@ SHORT = SpencerCampaign(
     duration_s=2.6,
 )
 
-# The motions of the paper's heating and hysteresis tests. Random motion would change the loss of peak force
-# by half a percentage point (docs/thermal.md).
+# The reference paper uses these motions in its heating tests and hysteresis tests. A random motion would
+# change the fitted loss of peak force by half a percentage point (docs/thermal.md).
 HEATING_CAMPAIGN = Campaign(
     motions=("sine15mm1Hz", "sine5mm1Hz"),
     currents_A=(0.0, 1.0, 2.0),
@@ -81,7 +81,7 @@ def fields_of_run(
 
 
 def make_run(motion: Motion = SINE, changed: Mapping[str, Any] | None = None, **how: Any) -> RigRun:
-    """Return a run. ``changed`` replaces fields, ``how`` is passed to ``fields_of_run``."""
+    """Return a run from the arguments ``how`` of ``fields_of_run``. ``changed`` replaces its fields."""
     fields = fields_of_run(motion, **how)
     return RigRun(**{**fields, **(changed or {})})
 
@@ -135,7 +135,7 @@ def default_fit(preset: str, law: str = SELECTED) -> FitResult:
 
 @cache
 def paper_card() -> ModelCard:
-    """Return the card of a campaign on the virtual damper ``paper``. It takes two seconds."""
+    """Return the card of a fit to runs of the virtual damper ``paper``, which takes two seconds."""
     damper, plan = LUMPED["paper"], HEATING_CAMPAIGN
     runs = tuple(measure_run(damper, each, plan, seed=1)[0] for each in plan.runs(damper.name))
     return fit_law(FitData.prepare(Dataset(runs))).card()

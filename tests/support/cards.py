@@ -94,7 +94,7 @@ DAMPERS = {
     ),
 }  # fmt: skip
 
-# Values typical of a rig damper, and of a real damper with half a millimetre of free play
+# These coefficients are typical of a damper on a test rig, with 0.33 mm of free play.
 _SERIES: dict[str, ParameterLaw] = {
     "viscosity": TemperatureDependent(Constant(2500.0), Arrhenius(1500.0)),
     "viscous_exponent": Constant(0.9),
@@ -170,7 +170,7 @@ _YIELD_FORCES = ("yield_force", "second_force", "rate_force")
 
 
 def passive(damper: Damper, *, yields: bool = True) -> Damper:
-    """Return the damper that a fit to runs at zero current would give, optionally without yield force."""
+    """Return the damper without dependence on current, as fitted to runs at zero current."""
     at_zero = dict(zip(damper.law.names, damper.coefficients_at(np.zeros(1))[:, 0], strict=True))
     forms: dict[str, ParameterLaw] = {}
     for name, form in damper.coefficients.items():
@@ -185,7 +185,7 @@ _AnyStepper = TypeVar("_AnyStepper", bound=Stepper)
 
 
 def changed(stepper: _AnyStepper, **values: object) -> _AnyStepper:
-    """Return a controller or model with other configuration values, such as ``faults__fall_back=0.4``."""
+    """Return a controller or model in which ``faults__fall_back=0.4`` sets ``config.faults.fall_back``."""
     config = stepper.config
     for name, value in values.items():
         part, _, field = name.partition("__")
@@ -252,7 +252,7 @@ def heated_damper(
 def card_of(
     damper: Damper, *, title: str = "For a test", envelope: OperatingEnvelope = ENVELOPE
 ) -> ModelCard:
-    """Return a card of a damper. Its evidence is not from a fit."""
+    """Return a model card of a damper with invented results of a fit."""
     evidence = Evidence(runs=(RUN,), method="varpro", cost=3.0, dataset_fingerprint="sha256:0")
     return ModelCard(title=title, damper=damper, envelope=envelope, evidence=evidence)
 

@@ -1,4 +1,4 @@
-"""Number of random examples of property tests."""
+"""The number of random inputs of slow property tests."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ EXAMPLES_REFERENCE = 25
 
 
 def examples(count: int) -> settings:
-    """Return settings for a test with slow examples: ``count`` for each 25 of the profile, at least one.
+    """Return settings for a slow test, with ``count`` random inputs if other tests have 25.
 
-    Other property tests use the number of the profile.
+    The Hypothesis profile sets the number for other tests. The number for this test is proportional to it.
     """
     return settings(max_examples=max(count * settings().max_examples // EXAMPLES_REFERENCE, 1))

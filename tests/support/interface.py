@@ -26,7 +26,7 @@ PREFERRED_MODULES = {"Path": "pathlib", "Sequence": "collections.abc", "Literal"
 
 
 def interface() -> str:
-    """Return the generated part of the module: imports of types, then one function for each job."""
+    """Return the generated part of ``mrdamper/__init__.py``: imports, and a function for each job."""
     types: dict[str, str] = {}
     functions = [function_of(job, types) for job in JOBS.values()]
     imports: dict[str, list[str]] = {}
@@ -42,7 +42,7 @@ def interface() -> str:
 
 
 def function_of(job: Job, types: dict[str, str]) -> str:
-    """Return the source of a job's function. Add its types, with their modules, to ``types``."""
+    """Return the source of a job's function. Add the names and modules of its types to ``types``."""
     run = load(job.run)
     returned = named(inspect.get_annotations(run)["return"], run.__module__, types)
     first = [
@@ -98,7 +98,7 @@ def documentation(job: Job) -> str:
     if entries:
         lines += ["", "Parameters", "----------"]
     for name, help_text, default in entries:
-        # A repeatable option of the command is a list in Python.
+        # The remark is removed because the Python function accepts a list.
         said = re.sub(r" \(may be repeated\)|; may be repeated", "", help_text)
         said += f" Default: {default}." if default else ""
         lines += wrapped(f"{name} : {said}", WIDTH - 4, "    ")
@@ -110,7 +110,7 @@ def documentation(job: Job) -> str:
 
 
 def input_type(job: Job, each: Field, types: dict[str, str]) -> str:
-    """Return the type of an input, which joins the types that the job and the reader of the input accept."""
+    """Return the union of the types that the job and the reader of the input accept."""
     run, reader = load(job.run), load(each.option.read) if each.option.read else None
     accepted = [] if each.many and reader else [(inspect.get_annotations(run)[each.name], run.__module__)]
     if reader is not None:
@@ -153,7 +153,7 @@ def named(annotation: str, module: str, types: dict[str, str]) -> str:
 
 
 def defined_in(module: str) -> Iterator[tuple[str, str]]:
-    """Generate pairs (name, module) of the names that a module imports."""
+    """Yield each name that a module imports, with the module that defines the name."""
     for node in ast.walk(ast.parse(inspect.getsource(sys.modules[module]))):
         if isinstance(node, ast.ImportFrom):
             yield from ((alias.name, str(node.module)) for alias in node.names)

@@ -1,8 +1,8 @@
 """Kill running commands and find the files and processes that remain.
 
-``Nursery`` is a process that has loaded the program once and forks a child for each command, so that a kill
-interrupts the work of the child and not its imports. All processes of a command have a mark in their
-environment, so that remaining processes are found.
+A ``Nursery`` loads the program once and forks a child process for each command. A kill then interrupts the
+work of the command and not its imports. All processes of a command have an environment variable with the
+same random value, so that remaining processes are found.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ for line in sys.stdin:
 
 
 class Nursery:
-    """Run commands in child processes of a process that has loaded the program."""
+    """Run commands in forked child processes of one process, which has loaded the program."""
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.mark = folder, uuid.uuid4().hex
@@ -144,7 +144,7 @@ def kill_after(seconds: float, how: signal.Signals = signal.SIGKILL) -> Callable
 
 
 def kill_when(ready: Callable[[], bool], *how: signal.Signals, apart_s: float = 0.0) -> Callable[[int], None]:
-    """Return a function that sends signals to a process once ``ready`` is True, ``apart_s`` [s] apart."""
+    """Return a function that sends signals at intervals of ``apart_s`` once ``ready`` is True."""
 
     def kill(process: int) -> None:
         wait_for(ready, process)
@@ -200,7 +200,7 @@ def alive(process: int) -> bool:
 
 
 def marked(mark: str, but: int = 0) -> list[int]:
-    """Return the IDs of the processes with this mark in their environment, except ``but``."""
+    """Return the IDs of processes whose environment variable has the value ``mark``, except ``but``."""
     found = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit() and int(entry.name) not in (but, os.getpid()):
@@ -224,7 +224,7 @@ def orphans(mark: str, but: int = 0, patience_s: float = 10.0) -> list[int]:
 
 
 def written(out: Path) -> dict[str, str] | None:
-    """Return the output files by name, without CPU times and dates; None if there are no files.
+    """Return the text of each output file without CPU times and dates, or None if there are no files.
 
     The progress file of a sweep is ignored because with two workers the order of its lines varies.
     """
@@ -265,7 +265,7 @@ def _plain(path: Path) -> str:
     if path.suffix == ".json":
         return json.dumps(_timeless(json.loads(raw)))
     if path.suffix in {".fmu", ".mat", ".png"}:
-        return f"{len(raw) > 0}"  # These files contain dates.
+        return f"{len(raw) > 0}"  # The content varies because it contains dates.
     text = raw.decode("utf-8", "replace")
     if path.suffix == ".html":
         assert text.rstrip().endswith("</html>"), f"{path}: cut off"

@@ -27,7 +27,7 @@ def pace() -> float:
 
 
 def taken(job: Callable[[], object]) -> float:
-    """Return the CPU time [s] of a job, converted to the reference machine."""
+    """Return the CPU time of a function [s], converted to the reference machine."""
     before, begun = pace(), time.process_time()
     job()
     spent = time.process_time() - begun
@@ -35,9 +35,9 @@ def taken(job: Callable[[], object]) -> float:
 
 
 def within_reach(asked: float) -> float:
-    """Return the limit of a wall-clock time, which is ten times as long on a shared machine.
+    """Return a limit of wall-clock time. The limit is ten times as long on a shared machine.
 
-    If ``MRDAMPER_QUIET`` is set, no other program is running (`make release-check` sets it).
+    ``MRDAMPER_QUIET`` states that no other program is running (`make release-check` sets this variable).
     """
     return asked if os.environ.get("MRDAMPER_QUIET") else 10.0 * asked
 

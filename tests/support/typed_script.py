@@ -1,6 +1,7 @@
-"""An example script. Type checkers accept it and report each line with a ``type: ignore`` comment.
+"""An example script with correct and wrong calls of the package, for two type checkers.
 
-Both checkers report a comment that suppresses nothing, so that every marked error must exist.
+Each wrong line has a ``type: ignore`` comment. The checkers report a comment on a correct line, so that they
+accept the script only if every marked line is wrong.
 """
 
 from __future__ import annotations
