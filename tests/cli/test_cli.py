@@ -193,7 +193,7 @@ def test_wrong_usage_gives_exit_code_2(arguments, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_fit_and_check_print_same_questions(tmp_path):
+def test_fit_and_check_print_same_questions_about_data(tmp_path):
     (tmp_path / "run.csv").write_text("t,x,F,I\n" + "".join(f"{k},{k % 7},{k % 5},1\n" for k in range(40)))
     fit = mrdamper("fit", tmp_path / "run.csv", "--out", tmp_path / "out", "--json")
     check = mrdamper("check", tmp_path / "run.csv", "--json")
@@ -283,7 +283,7 @@ def test_python_law_is_fitted_and_evaluated(folder):
 
 
 def test_interrupted_fit_writes_best_card(folder):
-    """If the fit is interrupted in its first search step, card and report state this. The exit code is 4."""
+    """If the fit is interrupted in its first search step, card and report state the interruption."""
 
     def interrupt(update: ProgressUpdate) -> None:
         if isinstance(update.detail, SearchState):

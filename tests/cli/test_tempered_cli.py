@@ -176,7 +176,7 @@ def test_single_temperature_message_names_missing_tests(folder, measured, tmp_pa
 
 
 @pytest.mark.nightly
-def test_fit_at_single_temperature_has_note(folder, measured, tmp_path):
+def test_fit_reports_missing_temperature_dependence(folder, measured, tmp_path):
     place = changed(folder, tmp_path / "stuck", lambda row: row.update(temperature_degC="23.0"))
     for path in place.iterdir():
         if "_020C_" not in path.name:

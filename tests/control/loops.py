@@ -89,7 +89,7 @@ class OnOff(Constant):
 
 @dataclass(frozen=True)
 class Inverse(Constant):
-    """The exact inverse of ``Ideal``: I = (|F*| - low) / gain, with the previewed or else the present F*."""
+    """The exact inverse of ``Ideal``: I = (|F*| - low) / gain for the target F*, previewed if possible."""
 
     name: str = "inverse"
     low: float = 50.0

@@ -105,7 +105,7 @@ def test_plant_delays_current_like_causal_simulation(width):
 
 @pytest.mark.system
 @pytest.mark.parametrize("size", [pytest.param(1, marks=pytest.mark.nightly), 7, 1000])
-def test_plant_force_ignores_block_size(size):
+def test_plant_force_is_independent_of_batch_size(size):
     lag = Actuation(rise_s=0.009, fall_s=0.006, second_s=0.003, delay_s=0.0035)
     whole = path(swing)
     together = in_blocks(CardPlant(damper(lag=lag)), whole, len(whole))

@@ -46,7 +46,7 @@ forces = st.floats(-2000.0, 2000.0) | anything
 
 
 @pytest.mark.parametrize("damper", [DOUBLE, SERIES, CHAIN], ids=lambda damper: damper.law.name)
-def test_card_without_temperature_gives_same_current(damper):
+def test_temperature_dependence_leaves_current_unchanged_at_20_degC(damper):
     """At the reference temperature of 20 degC, temperature dependence does not change the current."""
     forms = {
         name: form.form if isinstance(form, TemperatureDependent) else form
@@ -117,7 +117,7 @@ def test_pickled_controller_gives_identical_states(single):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_single_precision_gives_same_controller_command(name):
-    """The commands differ by less than 2 mA in 99.9 % of the samples (predictive controller: 99 %)."""
+    """Commands in single and double precision differ by less than 2 mA in 99 % of the samples."""
     made = ALL[name]
     rows = motion_rows(made, 5.0)
     rows[:, 4] = 0.8 * rows[:, 0]
@@ -220,7 +220,7 @@ def test_controller_resets_state_that_contains_nan():
 def faulted(
     column: int, value: float, *, seconds: float = 1.0, at: float = 0.5
 ) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
-    """Return commands and flags with a reading that is constant after ``at``, and fault-free commands."""
+    """Return commands and flags for a reading that is constant after ``at``, and fault-free commands."""
     good = motion_rows(RECOMMENDED, seconds)
     bad = good.copy()
     bad[round(at / PERIOD) :, column] = value
@@ -246,7 +246,7 @@ def test_temperature_jump_is_accepted_after_delay(at, accepted):
     assert not (flags[end + 10 :] & Flag.TEMPERATURE_JUMP).any()
 
 
-def test_missing_temperature_becomes_nominal_temperature():
+def test_nominal_temperature_replaces_missing_temperature():
     made = controllers_for(DOUBLE, safety=Safety(hold_s=0.5, nominal_K=363.15))["recommended"]
     rows = motion_rows(made, 6.0)
     rows[500:, 3] = np.nan
@@ -340,7 +340,7 @@ def test_scaled_controller_gives_scaled_force():
     ("wanted", "force", "expected"),
     [(800.0, 500.0, 2.0), (800.0, 900.0, 0.0), (-800.0, 900.0, 0.0), (-800.0, -500.0, 2.0)],
 )
-def test_clipped_controller_returns_zero_or_maximum(wanted, force, expected):
+def test_clipped_on_off_controller_returns_zero_or_maximum(wanted, force, expected):
     made = ALL["clipped-on-off"]
     assert made.step(state_at_speed(made), Reference(wanted), Measurement(0.0, ROOM, force))[1] == expected
 

@@ -45,7 +45,7 @@ def test_motion_filter_covariance_solves_riccati_equation(period, noise, density
     )
 
 
-def test_motion_filter_has_stated_velocity_error():
+def test_motion_filter_predicts_its_velocity_error():
     """For white jerk and 10 um noise, the filter predicts its RMS velocity error within 5 %."""
     rng, reference = np.random.default_rng(3), MotionFilter(PERIOD)
     stated = math.sqrt(reference.covariance[1, 1])
@@ -84,7 +84,7 @@ def test_controller_motion_estimate_matches_python_filter():
 
 
 @pytest.mark.parametrize("period", [2e-4, 1e-3, 4e-3])
-def test_current_observer_follows_actuation_of_card(period):
+def test_current_observer_follows_lags_of_card(period):
     """The observer agrees with the card's model of current lags on a time grid that is 100 times finer."""
     rng = np.random.default_rng(4)
     command = np.repeat(rng.uniform(0.0, 2.0, 30), 5)
@@ -117,7 +117,7 @@ def test_controller_applied_current_matches_python_observer():
 
 @pytest.mark.parametrize("wide_hysteresis_width_A", [0.0, 0.15])
 @pytest.mark.parametrize("damper", [DOUBLE, CHAIN])
-def test_controller_follows_freewheeling_saturating_current(damper, wide_hysteresis_width_A):
+def test_controller_estimates_freewheeling_current_in_saturated_iron(damper, wide_hysteresis_width_A):
     """The controller's estimate of the effective current deviates by at most 8 mA from the card's model.
 
     The card's model of lags and hysteresis is computed with a step of 10 us. The largest current is 2 A.

@@ -63,7 +63,7 @@ def first(flags: NDArray[np.int64]) -> float:
 
 
 @pytest.mark.parametrize("single", [False, True])
-def test_stuck_thermometer_is_flagged_at_5_kelvin(single):
+def test_stuck_thermometer_is_flagged_after_5_kelvin_rise(single):
     """The flag is raised at a calculated rise of 5 K, for a heat loss from zero to its assumed maximum."""
     made = model(single=single)
     _, _, flags = made.run(made.start(), rows(80.0))
@@ -76,7 +76,7 @@ def test_stuck_thermometer_is_flagged_at_5_kelvin(single):
     assert (flags[round(first(flags) / PERIOD) :] & FROZEN).all()
 
 
-def test_controller_detects_stuck_sensor_like_model():
+def test_controller_and_model_detect_stuck_thermometer_together():
     """A controller and the damper model raise the flag at the same time within 5 %."""
     made = controllers_for(DOUBLE, period_s=PERIOD, heating=WHOLE)["recommended"]
     t = PERIOD * np.arange(round(75.0 / PERIOD))
@@ -103,14 +103,14 @@ def test_heat_balance_extrapolates_stuck_temperature():
     assert made.estimate(state).temperature == pytest.approx(ROOM + 12.0, abs=0.1)
 
 
-def test_extrapolated_temperature_ends_at_its_limit():
+def test_extrapolated_temperature_never_exceeds_its_limit():
     made = model(replace(WHOLE, loss_W_K=0.0, capacity_J_K=100.0), extrapolate_temperature=True)
     state, force, _ = made.run(made.start(), rows(600.0))
     assert made.estimate(state).temperature == pytest.approx(423.15)
     assert np.isfinite(force).all()
 
 
-def test_stuck_flag_leaves_force_unchanged():
+def test_stuck_thermometer_flag_leaves_force_unchanged():
     told = rows(100.0)
     plain, none = model(), model(NO_HEATING)
     _, force, flags = plain.run(plain.start(), told)
@@ -157,7 +157,7 @@ def test_coarse_temperature_reading_is_valid(fins, step_K):
 
 
 @pytest.mark.parametrize("wrong", [0.7, 1.4])
-def test_wrong_heat_loss_raises_no_alarm(wrong):
+def test_wrong_assumed_heat_loss_raises_no_alarm(wrong):
     """In thermal balance, the reading is constant for 15 min. The assumed loss is wrong by 30 to 40 %."""
     kelvin = float(warming(PAPER, 5400.0, 1.0)[-1])
     made = model(replace(WHOLE, loss_W_K=wrong * WHOLE.loss_W_K))
@@ -167,7 +167,7 @@ def test_wrong_heat_loss_raises_no_alarm(wrong):
 # --- Values of the heat balance ---------------------------------------------------------------------------
 
 
-def test_heat_balance_uses_values_of_geometry():
+def test_heat_balance_uses_heat_capacity_of_geometry():
     bare = Heating.from_drawing(PAPER.with_sink(None))
     assert bare.capacity_J_K == pytest.approx(zone_network(PAPER.with_sink(None)).total_capacity)
     assert WHOLE.loss_W_K > 3.0 * bare.loss_W_K

@@ -27,15 +27,15 @@ SHORT = quiet(Scenario(duration_s=1.0, unscored_s=0.25))
 # --- Hold and delays --------------------------------------------------------------------------------------
 
 
-def test_exact_inverse_has_only_hold_error():
-    """A command that is constant for a period causes at most this period times the steepest target slope."""
+def test_exact_inverse_controller_has_only_sampling_error():
+    """A command that is constant for a period causes an error of at most this period times target slope."""
     run = run_loop(Ideal(), Inverse(), SHORT)
     feasible = attainable_range(Ideal(), run.course, 20.0, 2.0).feasible(run.course.target)
     most = 2 * np.pi * 900.0 * 1e-3
     assert 0.9 * most < np.abs(run.error[feasible]).max() <= 1.001 * most
 
 
-def test_hold_error_is_proportional_to_period():
+def test_tracking_error_is_proportional_to_sampling_period():
     errors = []
     for period in (4e-3, 2e-3, 1e-3, 5e-4):
         run = run_loop(Ideal(), Inverse(period_s=period), SHORT)
@@ -64,7 +64,7 @@ def test_command_delay_shifts_applied_current(late):
     assert not delayed[:late].any()
 
 
-def test_command_is_held_between_samples():
+def test_command_is_constant_between_samples():
     run = run_loop(Ideal(), Recording(slope=0.5), SHORT)
     held = run.current.reshape(-1, 10)
     assert np.array_equal(held, held[:, :1].repeat(10, axis=1))
@@ -191,7 +191,7 @@ def test_same_seed_repeats_controlled_run():
     assert plant.state == before
 
 
-def test_constant_current_gives_force_of_plant():
+def test_control_loop_with_constant_current_equals_plant_simulation():
     run = run_loop(Plant(PRESETS["hard"]), Constant(1.3), SHORT)
     course = reference_trajectory(SHORT, 1e-4)
     whole = Plant(PRESETS["hard"]).advance_many(course.displacement, course.velocity, 1.3, 20.0)
@@ -334,6 +334,6 @@ def test_scenario_is_read_from_toml():
         ({"sensors": {"force_noise_N": -1}}, r"force_noise_N is -1; expected a number in N, at least 0"),
     ],
 )
-def test_invalid_scenario_is_refused(given_toml, message):
+def test_invalid_scenario_is_rejected(given_toml, message):
     with pytest.raises(InputError, match=message):
         Scenario.from_mapping(given_toml)

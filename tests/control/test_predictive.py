@@ -70,7 +70,7 @@ def feasible_rms(
     ],
 )
 @pytest.mark.parametrize("rate", [500, 5000])
-def test_tabulated_chain_force_matches_kernel(model: Damper, rate: int) -> None:
+def test_tabulated_force_of_chain_law_matches_kernel(model: Damper, rate: int) -> None:
     """The tables change the force by 0.05 % (RMS) and at most by 0.4 % of the RMS force.
 
     With a cavity, the largest error is 2.5 % because the cavity closes some microseconds earlier or later.
@@ -84,7 +84,7 @@ def test_tabulated_chain_force_matches_kernel(model: Damper, rate: int) -> None:
         assert np.abs(error).max() < (0.05 if model.parameters["cavity_length.value"] > 0.0 else 8e-3) * size
 
 
-def test_symmetric_chain_is_odd_in_motion() -> None:
+def test_symmetric_chain_law_is_odd_in_motion() -> None:
     terms = ("asymmetry", "flow_asymmetry", "position_gain", "position_curvature", "offset", "gas_force")
     model = without(**dict.fromkeys(terms, 0.0))
     x, v, _, current, kelvin = driven(1.0, 1000)
@@ -93,7 +93,7 @@ def test_symmetric_chain_is_odd_in_motion() -> None:
 
 
 @pytest.mark.parametrize("amperes", [0.0, 2.0])
-def test_realtime_chain_dissipates_work(amperes: float) -> None:
+def test_realtime_chain_law_dissipates_work(amperes: float) -> None:
     t = 1e-3 * np.arange(2001)
     x, v = 5e-3 * np.sin(2 * np.pi * t), 0.01 * np.pi * np.cos(2 * np.pi * t)
     force = forces(at_once(CHAIN), 1000, x, v, np.array(amperes), np.array(333.15), single=True)
@@ -172,25 +172,25 @@ def test_target_jump_saturates_command_at_limit(model: Damper) -> None:
 
 
 @pytest.mark.parametrize("model", [CHAIN, SERIES], ids=lambda d: d.law.name)
-def test_implicit_laws_have_no_paper_controller(model: Damper) -> None:
+def test_paper_controller_requires_bouc_wen_law(model: Damper) -> None:
     assert set(controllers_for(model)) == set(names_for(model.law.name))
     with pytest.raises(InputError, match="'paper' is a bank of Bouc-Wen models"):
         check_name("paper", model.law.name)
 
 
-def test_chain_tables_contain_all_coefficients() -> None:
+def test_tables_of_chain_law_contain_all_coefficients() -> None:
     """Exported code would ignore a coefficient that is missing in the tables."""
     shapes = {"thinning_exponent", "leak_exponent", "viscous_exponent", "reference_speed"}
     assert {*CHAIN_ROWS, *OF_CHAIN, *PLANES, *shapes} == set(LAWS["chain"].names)
 
 
-def test_chain_rejects_current_dependent_gap() -> None:
+def test_chain_law_rejects_current_dependent_gap() -> None:
     bent = replace(CHAIN, coefficients={**CHAIN.coefficients, "gap": Polynomial((1e-4, 1e-5))})
     with pytest.raises(InputError, match=r"gap of this chain card depends on the command"):
         controllers_for(bent)
 
 
-def test_chain_model_recovers_from_missing_displacement() -> None:
+def test_chain_law_recovers_from_missing_displacement() -> None:
     made = changed(realtime_model(CHAIN), heating__heat_capacity=0.0)
     x, v, _, current, kelvin = driven(1.0, 1000)
     rows = np.column_stack([x, v, current, kelvin])

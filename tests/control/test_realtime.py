@@ -104,7 +104,7 @@ def test_realtime_force_follows_hysteresis_law(law, told, single):
 
 @pytest.mark.parametrize("yields", [True, False])
 @pytest.mark.parametrize("law", [*DAMPERS, "series-valve", "chain"])
-def test_realtime_passive_card_follows_law(law, yields):
+def test_realtime_model_without_current_dependence_follows_law(law, yields):
     """A damper that was tested only at zero current has a real-time model, but no controller."""
     damper = passive({**DAMPERS, "series-valve": SERIES, "chain": CHAIN}[law], yields=yields)
     card = card_of(damper, envelope=replace(ENVELOPE, command=(0.0, 0.0)))
@@ -159,7 +159,7 @@ def test_realtime_force_follows_current_steps(dead_time, bound):
 
 
 def test_realtime_model_equals_controller_observer():
-    """The real-time model has the applied current and force of the damper model inside the controller."""
+    """The real-time model has the same current and force as the damper model inside the controller."""
     made = controllers_for(DOUBLE)["recommended"]
     model = RealtimeDamper(made.config, made.tables)  # Controller and model have the same motion filter.
     state, observed, command = made.start(), model.start(), 0.0
@@ -292,7 +292,7 @@ def test_model_force_recovers_from_invalid_readings(rows):
     assert np.abs(after - clean)[3500:].max() < 1e-3 * np.abs(clean).max()
 
 
-def test_missing_current_is_held_for_30_ms():
+def test_last_current_replaces_missing_current_for_30_ms():
     rows = rows_for(MOVED, 1.0, current=1.2)
     rows[500:, 2] = math.nan
     state, _, flags = MODEL.run(MODEL.start(), rows[:530])
@@ -336,6 +336,6 @@ def test_invalid_velocity_is_replaced_by_estimate(value):
     np.testing.assert_array_equal(force, estimated)
 
 
-def test_input_rows_with_five_columns_raise():
+def test_input_rows_with_five_columns_are_rejected():
     with pytest.raises(InputError, match=r"rows have shape \(3, 5\); expected \(n, 4\)"):
         MODEL.run(MODEL.start(), np.zeros((3, 5)))

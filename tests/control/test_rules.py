@@ -67,7 +67,7 @@ def test_sampled_current_lags_equal_matrix_exponentials(rise, fall, second, dela
     assert (found.inverse_saturation_flux, found.hysteresis_width) == pytest.approx((1.0 / 1.6, 0.02))
 
 
-def test_sampled_lags_are_continuous_at_limits():
+def test_sampled_lags_are_correct_if_equal_or_zero():
     """Two equal lags T have the coupling coefficient t/T exp(-t/T). A lag of zero has no effect."""
     period = 2e-3
     same = sampled_actuation(Actuation(0.004, 0.004 * (1.0 + 1e-9), 0.004), period)
@@ -121,7 +121,7 @@ def test_feedback_gains_follow_skogestad_rules():
         assert gain / rate == pytest.approx(min(slow.rise_s, 8.0 * dead))
 
 
-def test_safety_times_become_sample_counts():
+def test_safety_times_are_converted_to_sample_counts():
     safety = Safety(stroke_times=7.0, frozen_s=0.03, coast_s=0.11, back_s=0.05, slew_K_s=15.0, recover_s=1.2)
     axes = Axes(period=2e-3, largest=2.0, coldest=280.0, warmest=400.0)
     envelope = OperatingEnvelope((0.0, 2.0), (-0.012, 0.009), (-0.2, 0.3), (280.0, 400.0))
@@ -135,7 +135,7 @@ def test_safety_times_become_sample_counts():
     assert warm.hold_samples == round(600.0 / 2e-3)  # The time is the heat capacity divided by the heat loss.
 
 
-def test_slow_bus_counts_as_stuck_later():
+def test_slow_bus_sensor_counts_as_stuck_later():
     """A sensor that repeats its readings for 40 ms by design counts as stuck after 2.5 times 40 ms."""
     slow = controllers_for(DOUBLE, displacement_period_s=0.04)["recommended"]
     assert slow.config.faults.frozen_samples == 100

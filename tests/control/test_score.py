@@ -65,7 +65,7 @@ def test_coil_power_follows_mean_square_current():
     assert scored(SINE, SINE, current).coil_power_W is None
 
 
-def test_current_chatter_is_travel_per_second():
+def test_chatter_is_current_travel_per_second():
     """Chatter is 4 a f for a sine of amplitude a and frequency f, 2 f h for a square wave of height h."""
     assert scored(SINE, SINE, 1.0 + 0.5 * SINE).chatter_A_per_s == pytest.approx(4 * 0.5 * 1.0, rel=1e-3)
     square = np.where((TIME * 50.0) % 1.0 < 0.5, 2.0, 0.0)
@@ -73,7 +73,7 @@ def test_current_chatter_is_travel_per_second():
 
 
 @given(offset=st.floats(-500, 500), factor=st.floats(0.1, 10.0))
-def test_scores_are_proportional_and_ignore_sign(offset, factor):
+def test_force_errors_are_proportional_and_ignore_sign(offset, factor):
     force = 300.0 * SINE + offset
     plain, mirrored = scored(SINE, force), scored(-SINE, -force)
     assert mirrored.rmse_N == pytest.approx(plain.rmse_N)
@@ -83,7 +83,7 @@ def test_scores_are_proportional_and_ignore_sign(offset, factor):
     assert plain.rmse_feasible_percent == pytest.approx(100.0 * plain.rmse_N / np.sqrt(0.5))
 
 
-def test_combined_score_has_worst_values():
+def test_combined_score_has_worst_values_of_runs():
     """The combined score has the largest errors and the smallest feasible fraction of several runs."""
     one = Score(
         max_N=5.0, rmse_N=1.0, max_feasible_N=None, rmse_feasible_N=None, p99_feasible_N=None,

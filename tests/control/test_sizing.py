@@ -39,7 +39,7 @@ def test_target_knee_velocity_scales_with_motion():
     assert two.velocity_m_s == pytest.approx(2.0 * one.velocity_m_s, abs=2e-4)  # type: ignore[attr-defined]
 
 
-def test_proposed_motions_fill_stroke_and_speed():
+def test_proposed_motions_use_stroke_and_speed_limits():
     """The amplitude is 80 % of the nearer stroke limit, or less if the speed limit requires it."""
     slow, fast, other = motions_within((-0.02, 0.01), (-10.0, 12.0))
     assert (slow, fast) == ("sine:8mm:1Hz", "sine:8mm:2Hz")

@@ -57,7 +57,7 @@ def force_of_tables(tables: DamperTables, kelvin, x, v, w):
 @pytest.mark.system
 @every_law
 def test_table_force_equals_force_of_law(law):
-    """At the currents and temperatures of the table, the error of saturated hysteresis is below 0.02 N."""
+    """The force error is below 0.02 N at the currents and temperatures of the table."""
     damper = DAMPERS[law]
     tables = tabulate(damper, 2.0)
     x, v = 3e-3, -0.02
@@ -172,7 +172,7 @@ def test_tables_contain_quarters_of_largest_current():
 
 
 @pytest.mark.parametrize("end", [0, -1])
-def test_temperature_outside_tables_uses_end_column(end):
+def test_tables_are_constant_outside_their_temperatures(end):
     tables = tabulate(DOUBLE, 2.0, temperatures=(280.0, 390.0))
     at = float(tables.temperatures[end])
     np.testing.assert_array_equal(tables.evaluate(at + (70.0 if end else -70.0)), tables.evaluate(at))

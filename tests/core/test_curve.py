@@ -149,5 +149,5 @@ def test_derivatives_of_curve_match_reference(n):
         assert np.abs(by_n - rise.by_n).max() < 1e-6 * max(1.0, np.abs(rise.by_n).max())
         _, _, by_kappa, by_n = core.curve(kappa, n, -fall.travel)
         for found, exact in ((by_n, -fall.by_n), (by_kappa, -fall.by_k)):
-            bar = 1e-6 if kappa < 1.0 else 6e-6  # The table for kappa = 1 ends before w = -1.
+            bar = 1e-6 if kappa < 1.0 else 6e-6  # The table for kappa = 1 is truncated.
             assert np.abs(found - exact).max() < bar * max(1.0, np.abs(exact).max()), kappa

@@ -269,7 +269,7 @@ def test_sliding_lugre_follows_stribeck_curve(speed):
 
 
 @pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
-def test_resting_force_follows_yield_force_partly(share):
+def test_force_at_rest_follows_yield_force_partly(share):
     """At rest, the force contains only a fraction of a yield-force change. Sliding adds the remainder."""
     time = np.arange(3001) * 1e-3
     x = 0.01 * np.clip(time, 0.0, 1.0) + 0.01 * np.clip(time - 2.0, 0.0, 1.0)
@@ -287,10 +287,10 @@ def test_resting_force_follows_yield_force_partly(share):
     assert force[-1] == pytest.approx(600.0, rel=1e-3)
 
 
-def test_chain_creeps_linearly_below_yield_force():
+def test_chain_law_creeps_below_yield_force():
     """If the knee is sharp, the force is speed divided by creep, but at most the yield force.
 
-    With a bypass instead of creep, the force is the square of speed divided by bypass coefficient.
+    With a bypass instead of creep, the force is (speed / bypass coefficient)^2.
     """
     for level in (200.0, 800.0):
         for speed in (5e-4, 2e-3, 0.05):
@@ -312,7 +312,7 @@ def test_chain_creeps_linearly_below_yield_force():
 
 @pytest.mark.system
 @pytest.mark.parametrize("off", [("play",), ("cavity_length", "flow_asymmetry")], ids=" ".join)
-def test_chain_converges_with_order_one(off):
+def test_chain_law_converges_with_order_one(off):
     """The error is proportional to the step (1/2, 1/8 and 1/32 ms).
 
     The test disables the corner at the yield force, and terms (``off``) for which the reference integrator
@@ -497,7 +497,7 @@ def test_lugre_is_passive_on_any_motion(rho, excess, fade, damping, size, seed):
 
 @examples(25)
 @given(data=st.data(), size=decades(1e-4, 0.1), seed=st.integers(0, 99))
-def test_chain_is_passive_while_current_changes(data, size, seed):
+def test_chain_law_is_passive_while_current_changes(data, size, seed):
     """The work from rest is not negative if a current change affects the force only after further travel."""
     own = {key: data.draw(value, label=key) for key, value in PASSIVE["chain"].items()}
     own |= {"gas_force": 0.0, "follow_share": 0.0}
@@ -514,7 +514,7 @@ def test_chain_is_passive_while_current_changes(data, size, seed):
 # ------------------------------------------------------------------------------ limits and special cases
 
 
-def test_dahl_is_case_of_bouc_wen():
+def test_dahl_law_is_special_case_of_bouc_wen():
     trajectory = random_drive(5)
     as_bouc_wen = damper("bouc-wen", kappa=-1.0, n=1.0)
     np.testing.assert_array_equal(simulate(damper("dahl"), trajectory), simulate(as_bouc_wen, trajectory))
@@ -529,7 +529,7 @@ def test_saturating_law_reduces_to_bouc_wen():
 
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
 def test_lugre_reduces_to_dahl(rate):
-    """The kernel solves lugre with an exponential function and dahl with a table (error 1.5e-7)."""
+    """The kernel solves the law ``lugre`` with an exponential function and ``dahl`` with a table."""
     trajectory = random_drive(5, rate=rate)
     bristles = damper("lugre", static_excess=0.0, bristle_damping=0.0)
     assert relative(simulate(bristles, trajectory), simulate(damper("dahl"), trajectory)) < 5e-7
@@ -619,7 +619,7 @@ def algebraic_valve(trajectory: Trajectory, c: Mapping[str, float]) -> np.ndarra
     [{"gap": 0.0, "gap_corner": 1e-9, "gap_stiffness": 1e12}, {"leak_damping": 1e12, "leak_exponent": 1.0}],
     ids=["stiff spring, no gap", "large leak"],
 )
-def test_rigid_series_law_equals_valve(rigid):
+def test_series_valve_with_rigid_spring_equals_valve(rigid):
     trajectory = random_drive(8)
     values = {**TYPICAL["series-valve"], **rigid}
     expected = algebraic_valve(trajectory, values)
@@ -637,9 +637,9 @@ def test_rigid_series_law_equals_valve(rigid):
 
 @every_law
 def test_causal_simulation_matches_whole_record(name):
-    """The causal simulation finds reversals without delay, so that its error is 1e-15 of the peak force.
+    """The causal simulation has an error of 1e-15 of the peak force.
 
-    A reversal is the extremum of a cubic, whose coefficients are available from the next sample on.
+    A reversal is the extremum of the cubic between two samples, which does not require later samples.
     """
     trajectory = random_drive(0)
     whole = simulate(damper(name), trajectory)
@@ -648,7 +648,7 @@ def test_causal_simulation_matches_whole_record(name):
 
 @pytest.mark.parametrize("name", ["bouc-wen", "bouc-wen-saturating", "double-bouc-wen"])
 def test_causal_simulation_matches_with_varying_command(name):
-    """The causal simulation also uses the mean of rho in a sample interval."""
+    """The causal simulation and the simulation of a whole run use the mean of rho in an interval."""
     trajectory = with_command(random_drive(1))
     forms: dict[str, ParameterLaw] = {key: Constant(value) for key, value in TYPICAL[name].items()}
     d = Damper(
@@ -661,7 +661,7 @@ def test_causal_simulation_matches_with_varying_command(name):
 
 
 def differences(force_at, value: float) -> Iterator[np.ndarray]:
-    """Yield central differences with three step sizes because the best one depends on the curvature."""
+    """Yield central differences with three step sizes. The best size depends on the curvature."""
     for share in (1e-4, 1e-5, 1e-6):
         h = share * (abs(value) or 1.0)
         first = force_at(value + h) - force_at(value - h)
@@ -894,7 +894,7 @@ def test_dashpot_work_matches_formula(motion, exponent, viscosity):
 # --------------------------------------------------------------------- special cases and rejected inputs
 
 
-def test_double_law_reduces_to_single_element():
+def test_double_bouc_wen_law_reduces_to_bouc_wen():
     trajectory = random_drive(5)
     one = damper("bouc-wen", **{"kappa": -0.6, "n": 0.9, "rho": 6000.0, "yield_force": 550.0})
     alone = damper("double-bouc-wen", yield_force=550.0, second_force=0.0)
@@ -915,7 +915,7 @@ def test_reused_workspace_does_not_change_force():
                 np.testing.assert_array_equal(one, other)
 
 
-def test_current_dependent_curve_shape_raises():
+def test_current_dependent_curve_shape_is_rejected():
     plain = damper("bouc-wen")
     d = replace(plain, coefficients={**plain.coefficients, "n": Polynomial((1.5, 0.2))})
     with pytest.raises(ValueError, match="kappa and n must be constant over a run"):

@@ -65,7 +65,7 @@ BOARDS = {
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """Instructions per step, stack and hash of a run. Only QEMU counts instructions (otherwise 0)."""
+    """Instructions per step (only in QEMU, otherwise 0), stack size, and hash of the outputs."""
 
     least: float  # Instructions of the shortest step
     mean: float

@@ -62,7 +62,7 @@ def test_fast_math_option_is_rejected(folder, tool, tmp_path):
 
 
 @pytest.mark.nightly
-def test_cmake_builds_exported_library_and_replay(folder, tool, tmp_path):
+def test_cmake_builds_exported_library_and_replay_program(folder, tool, tmp_path):
     ran(tool("cmake"), "-S", folder, "-B", tmp_path)
     ran(tool("cmake"), "--build", tmp_path)
     assert (tmp_path / "libdamper.a").is_file()
@@ -215,7 +215,7 @@ def test_number_literals_in_c_are_exact(value):
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e39])
-def test_number_outside_float_range_raises(value):
+def test_number_outside_float_range_is_rejected(value):
     with pytest.raises(InputError, match="expected one that a float holds"):
         literal(value, "float")
 
@@ -274,6 +274,6 @@ def test_invalid_export_option_raises(options, message):
         (Actuation(0.008, 0.008, delay_s=0.02, largest_command=2.0), 1e-4, "the dead time of 20 ms"),
     ],
 )
-def test_period_that_contradicts_lags_raises(lags, period_s, message):
+def test_export_rejects_period_that_contradicts_lags(lags, period_s, message):
     with pytest.raises(InputError, match=message):
         target_of(card_of(replace(DOUBLE, actuation=lags)), period_s=period_s)

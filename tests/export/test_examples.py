@@ -30,7 +30,7 @@ def folder(tmp_path_factory) -> Path:
 
 
 def test_cortex_example_runs_at_kilohertz(folder, tool, tmp_path):
-    """The program on the simulated board completes every step in time, with the outputs of this machine.
+    """The program on the simulated board completes every step in time. Its outputs are correct.
 
     A timer interrupts the program every millisecond. QEMU executes 31 million instructions per second.
     """

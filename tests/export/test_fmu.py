@@ -320,7 +320,7 @@ def test_fmu_tracks_target_like_controller(loaded, place, monkeypatch):
 
 
 @CONTENTS
-def test_fmu_starts_with_values_of_xml(loaded, content):
+def test_fmu_uses_start_values_of_xml_file(loaded, content):
     """If a master sets no start values, the FMU uses the values of its XML file, also after a reset."""
     _, library = loaded(content)
     texts = {each.name: each.start for each in library.variables.values() if each.start is not None}
@@ -394,7 +394,7 @@ def test_communication_step_may_have_several_periods(loaded, length):
 
 
 @pytest.mark.parametrize("length", [0.0, -PERIOD, 1.01 * PERIOD, 40 * PERIOD, math.nan, math.inf, 1e30])
-def test_invalid_communication_steps_are_errors(loaded, length):
+def test_invalid_communication_steps_are_rejected(loaded, length):
     _, library = loaded()
     with library.slave() as slave:
         slave.begin()
@@ -426,7 +426,7 @@ def stepped_forces(library, lengths, motion=SINE, **switches):
 @pytest.mark.parametrize(
     "lengths", [[2] * 1000, [5] * 400, [10] * 200, [1, 5] * 330, [10, 1, 1, 3, 7, 2] * 80]
 )
-def test_coarse_fmu_steps_give_similar_force(loaded, lengths, use_velocity):
+def test_long_communication_steps_give_similar_force(loaded, lengths, use_velocity):
     """Communication steps of several periods change the force by less than 1 % of the peak force."""
     _, library = loaded("model")
     _, fine = stepped_forces(library, [1] * 2000, use_velocity=use_velocity)
@@ -447,8 +447,8 @@ class Ramp:
 
 
 @pytest.mark.parametrize("length", [2, 5, 10])
-def test_coarse_communication_steps_keep_final_force(loaded, length):
-    """The FMU extrapolates the motion beyond the stop, but the remaining force does not change."""
+def test_long_communication_steps_keep_final_force(loaded, length):
+    """The force after a stop is independent of the step, although the FMU extrapolates the motion."""
     _, library = loaded("model")
     fine, coarse = (
         stepped_forces(library, [step] * (1000 // step), Ramp(), use_velocity=True)[1][-1]

@@ -52,14 +52,14 @@ def sine(damper, speed, command, kelvin, *, samples=20_000, periods=4):
 
 @pytest.mark.system
 @pytest.mark.parametrize(("i", "j", "k"), [(0, 0, -1), (2, 4, 3), (5, 8, 15), (3, 1, 20)])
-def test_map_force_equals_mid_stroke_force(made, i, j, k):
+def test_force_map_equals_force_at_mid_stroke(made, i, j, k):
     speed = float(made.velocity[k])
     v, force = sine(DAMPERS["bouc-wen"], abs(speed), float(made.command[j]), float(made.temperature[i]))
     assert made.pick[i, j, k] == pytest.approx(force[int(np.argmax(v * math.copysign(1.0, speed)))], abs=0.05)
 
 
 @pytest.mark.parametrize(("i", "j"), [(0, 0), (5, 8)])
-def test_map_branches_equal_fastest_sine(made, i, j):
+def test_branches_of_force_map_equal_fastest_sine(made, i, j):
     v, force = sine(DAMPERS["bouc-wen"], FASTEST, float(made.command[j]), float(made.temperature[i]))
     half = len(v) // 2
     downwards, upwards = slice(0, half + 1), slice(half, None)
@@ -70,7 +70,7 @@ def test_map_branches_equal_fastest_sine(made, i, j):
         assert np.abs(branch[i, j] - expected).max() < 2e-3 * peak
 
 
-def test_hysteresis_branches_meet_at_ends(made):
+def test_branches_of_force_map_meet_at_ends(made):
     assert np.allclose(made.rising[..., -1], made.falling[..., -1], rtol=1e-6)
     assert np.allclose(made.rising[..., 0], made.falling[..., 0], rtol=1e-6)
     inside = slice(6, -6)
@@ -126,7 +126,7 @@ def test_force_map_supports_volts():
     assert "voltage_V" in force_map(card).as_csv()
 
 
-def test_law_without_realtime_model_has_map():
+def test_law_without_realtime_model_has_force_map():
     forms: dict[str, ParameterLaw] = {
         "yield_force": Polynomial((50.0, 300.0)),
         "slope": Constant(300.0),

@@ -59,7 +59,7 @@ def meets_its_bars(shown: Shown, there: Replay) -> None:
 
 
 @pytest.mark.parametrize("shown", one_by_day(BARRED[::-1]), ids=_name)
-def test_step_instruction_count_is_limited(boards, shown):
+def test_instruction_count_of_controller_step_is_limited(boards, shown):
     """None of 5,000 steps needs more instructions than the stated limit or than 1.25 times the mean."""
     there, here = replayed(shown, "M4F", 5_000)
     meets_its_bars(shown, there)

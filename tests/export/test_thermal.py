@@ -74,7 +74,7 @@ def folder(target, tmp_path_factory, tool) -> Path:
 
 
 def stepped(folder: Path, load: CompactLoad, *, command=1.0, thermometer=np.nan, ohm=np.nan):
-    """Run the compiled model. Return temperatures with the time to the limit, and flags, every 0.5 s."""
+    """Return temperatures and time to the limit, and flags, of the compiled model every 0.5 s."""
     columns = [load.power, command, load.ambient, load.air_speed, thermometer, ohm]
     np.savetxt(folder / "rows.txt", np.column_stack(np.broadcast_arrays(*columns)), fmt="%.9g")
     out = np.array(ran("sh", "-c", "./user < rows.txt", cwd=folder).split(), dtype=float).reshape(-1, 6)
@@ -105,7 +105,7 @@ def test_compiled_thermal_model_matches_python(tool, precision):
     assert 0.0 < max(record.thermal_K.values()) < (1e-3 if precision == "float" else 1e-9)
 
 
-def test_thermal_code_is_free_standing(folder, tool):
+def test_exported_thermal_model_requires_no_library(folder, tool):
     cortex = ["-mthumb", "-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
     ran(tool("arm-none-eabi-gcc"), *cortex, *STRICT, "-c", "damper_thermal.c", cwd=folder)
     ran(tool("gcc"), *STRICT, "-fno-pie", "-c", "damper_thermal.c", cwd=folder)
@@ -116,7 +116,7 @@ def test_thermal_code_is_free_standing(folder, tool):
 
 
 @pytest.mark.nightly
-def test_time_to_limit_matches_simulation(folder, model):
+def test_predicted_time_to_temperature_limit_matches_simulation(folder, model):
     load = even(1200, 160.0)
     found, _ = stepped(folder, load)
     host = simulate_compact(model, even(6000, 160.0), start_K=ROOM_K)
@@ -164,13 +164,13 @@ def test_only_stuck_thermometer_is_flagged(folder, model):
     assert np.abs(alive[:, 0] - truth.fluid).max() < 0.5
 
 
-def test_constant_reading_in_balance_is_valid(folder):
+def test_constant_temperature_in_thermal_balance_is_valid(folder):
     still, flags = stepped(folder, even(3600, 0.0, 0.0), command=0.0, thermometer=np.full(3600, ROOM_K))
     assert not (flags & (FROZEN | WRONG)).any()
     assert still[-1, 0] == pytest.approx(ROOM_K, abs=0.1)
 
 
-def test_unknown_thermal_inputs_set_flags(folder):
+def test_missing_thermal_inputs_set_flags(folder):
     power = np.full(400, 100.0)
     power[200:300] = np.nan
     found, flags = stepped(folder, even(400, power))
@@ -181,7 +181,7 @@ def test_unknown_thermal_inputs_set_flags(folder):
     assert np.isfinite(worst).all()
 
 
-def test_fmu_warms_by_work_of_force(library, model):
+def test_fmu_temperature_rises_by_damper_work(library, model):
     count = 20_000
     t = 1e-3 * np.arange(1, count + 1)
     x, v = 8e-3 * np.sin(6.0 * t), 48e-3 * np.cos(6.0 * t)

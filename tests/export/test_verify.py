@@ -77,7 +77,7 @@ def test_export_in_volts_equals_python():
 
 
 @pytest.mark.nightly
-def test_verification_inputs_raise_all_flags_of_readings():
+def test_verification_inputs_raise_all_sensor_flags():
     """The inputs of a verification with the default number of samples contain every kind of fault."""
     record = assert_same_bits(a_target(), 100_000)
     both = {
@@ -88,7 +88,7 @@ def test_verification_inputs_raise_all_flags_of_readings():
     assert both | {"NO_TARGET", "INFEASIBLE"} <= set(record.flags_raised["controller"])
 
 
-def test_stuck_thermometer_flag_is_verified():
+def test_verification_raises_stuck_thermometer_flag():
     """A light damper under a high load warms quickly, but its temperature reading is constant."""
     light = Heating(capacity_J_K=2.0, loss_W_K=0.01, resistance_20_ohm=5.0)
     record = assert_same_bits(target_of(card_of(DOUBLE), heating=light), 3 * SHORT)
@@ -100,7 +100,7 @@ SANITIZE = ("-O1", "-g", "-fsanitize=address,undefined,float-cast-overflow", "-f
 
 
 @pytest.mark.parametrize("flags", one_by_day([("-O3",), ("-O0",), SANITIZE]))
-def test_compiler_options_keep_export_results(flags, tool, tmp_path):
+def test_compiler_options_do_not_change_export_results(flags, tool, tmp_path):
     """The sanitizers also report no invalid access and no undefined operation."""
     target = a_target()
     write(target, tmp_path)
@@ -170,7 +170,7 @@ def test_verification_record_contains_hash_of_sources():
     assert plain["sizes_bytes"]["code"] > 1000
 
 
-def test_seed_determines_verification_rows():
+def test_seed_determines_verification_inputs():
     target = a_target()
     one, again, other = (envelope_rows(target, 2000, seed) for seed in (3, 3, 4))
     for name, values in one.items():

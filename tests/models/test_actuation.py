@@ -174,10 +174,10 @@ def test_freewheeling_in_saturated_iron_matches_integrator():
 
 
 def test_hysteresis_of_saturated_iron_follows_flux():
-    """The output exceeds a falling command by the full width, or by half of a small flux change."""
+    """The output exceeds a falling command by half of the flux change, but at most by the width."""
     actuation = Actuation(0.0, 0.0, hysteresis_width_A=0.1, saturation=1.0)
     felt = actuation.apply(np.array([0.0, 5.0, 1.0, 5.0, 4.0, 4.5]), 1e-3)
-    fall = 5.0 / 6.0 - 4.0 / 5.0  # This flux change is smaller than the width.
+    fall = 5.0 / 6.0 - 4.0 / 5.0  # Half of this flux change is smaller than the width.
     back = 5.0 / 6.0 - 4.5 / 5.5
     np.testing.assert_allclose(felt, [0.0, 5.0, 1.1, 5.0, 4.0 + 0.5 * fall, 4.5 + 0.5 * back], rtol=1e-12)
 
@@ -192,7 +192,7 @@ def test_flux_of_saturated_iron_follows_lags():
     command = np.full(3000, 4.0)
     command[0] = 0.0
     for levels, flux in ((command, end * (1.0 - left)), (4.0 - command, end * left)):
-        late = np.interp(time - 0.5 * step, time, flux)  # The command rises in one sample.
+        late = np.interp(time - 0.5 * step, time, flux)  # The command is a ramp in the first sample.
         found = actuation.flux(actuation.apply(levels, step))
         np.testing.assert_allclose(found[1:], late[1:], atol=1e-5 * end)
 

@@ -209,7 +209,7 @@ def test_any_card_survives_round_trip(forms, lag, unit, title, notes, error, tem
     assert card_text(back) == text
 
 
-def test_card_bytes_are_independent_of_order():
+def test_equal_cards_have_equal_bytes():
     """Equal cards have equal bytes for any order of notes and any types of numbers."""
     one = a_card(notes={"a": 1, "b": {"x": 1, "y": 2}})
     other = a_card(notes={"b": {"y": 2, "x": 1}, "a": 1})
@@ -218,7 +218,7 @@ def test_card_bytes_are_independent_of_order():
     assert card_text(card_from_json(json.loads(whole))) == whole
 
 
-def test_card_numbers_have_units_and_errors():
+def test_card_numbers_have_units_and_standard_errors():
     numbers = DOCUMENT[COEFFICIENTS]["yield_force"]["numbers"]
     assert numbers["half_command"] == {"value": 1.14, "unit": "A", "standard_error": None}
     assert numbers["gain"]["standard_error"] == 3.5
@@ -241,7 +241,7 @@ def test_card_numbers_have_units_and_errors():
 PAGE = (Path(__file__).parents[2] / "docs" / "card.md").read_text(encoding="utf-8")
 
 
-def test_card_page_documents_every_key():
+def test_documentation_contains_every_card_key():
     assert f"(schema version {SCHEMA_VERSION})" in PAGE
     keys = [*DOCUMENT, *DOCUMENT["evidence"], *WARM_DOCUMENT["actuation"]]
     kinds = [*FORMS, *FACTORS]
@@ -334,7 +334,7 @@ def test_invalid_card_is_rejected_with_location(damaged, said, tmp_path):
 @pytest.mark.system
 @examples(50)
 @given(st.data(), st.sampled_from([DOCUMENT, WARM_DOCUMENT]))
-def test_card_with_random_value_never_crashes(data, valid):
+def test_card_with_random_value_is_read_or_rejected(data, valid):
     """A card with any value at any location is either read or rejected with ``InputError``."""
     changed = json.loads(json.dumps(valid))
     inside = changed
@@ -404,7 +404,7 @@ class Dashpot:
         return values["c"] * velocity
 
 
-def test_card_with_user_law_requires_law(tmp_path):
+def test_reading_card_of_user_law_requires_law(tmp_path):
     """The card contains the path of the file with the law, but no code."""
     law = law_from_python(Dashpot())
     path = tmp_path / "card.json"

@@ -33,13 +33,13 @@ def test_carlson_deviates_from_manufacturer_as_documented(field, printed, deviat
     assert deviation == pytest.approx(deviation_percent, abs=1.0)
 
 
-def test_saturation_stress_with_32_percent_iron():
+def test_32_percent_iron_gives_saturation_of_48_kilopascal():
     assert saturation_stress(0.32) == pytest.approx(47.9e3, rel=2e-3)
     assert float(Carlson(saturation_stress(0.32)).stress(1e7)) == pytest.approx(47.9e3, rel=2e-3)
 
 
-def test_flux_densities_of_paper_give_known_fields():
-    """With 32 % iron, 100 to 600 mT require 12.7 to 129.6 kA/m (computed by hand)."""
+def test_flux_density_gives_known_field_strength():
+    """With 32 % iron, 100 to 600 mT require a field of 12.7 to 129.6 kA/m (computed by hand)."""
     strengths = field_strength([0.1, 0.2, 0.4, 0.6], 0.32)
     np.testing.assert_allclose(strengths, [12.7e3, 27.5e3, 66.8e3, 129.6e3], rtol=4e-3)
 

@@ -193,7 +193,7 @@ def test_force_response_requires_lag_and_current_dependence():
 # Default currents, temperatures and speeds of the evaluation
 
 
-def test_default_scope_includes_assumed_temperatures():
+def test_default_characteristics_include_assumed_temperatures():
     """After tests at one temperature, the scope is the range of the assumed temperature dependence."""
     damper = bingham(yield_force=TemperatureDependent(Constant(60.0), Linear(1e-4)))
     assert default_scope(bingham(), replace(ENVELOPE, temperature=(290.0, 374.0))).temperatures == (None,)

@@ -85,7 +85,7 @@ def test_swapped_cards_have_opposite_difference():
     assert {pair.name: None if pair.z is None else -pair.z for pair in back.parameters} == z
 
 
-def test_parameter_z_is_difference_by_standard_error():
+def test_comparison_divides_parameter_difference_by_standard_error():
     found = compared(a_card(a_damper()), a_card(a_damper(viscosity=Constant(1020.0))))
     (viscosity,) = (pair for pair in found.parameters if pair.name == "viscosity.value")
     assert viscosity.z == pytest.approx(120.0 / math.hypot(30.0, 30.0), rel=1e-12)
@@ -107,7 +107,7 @@ def test_force_difference_below_model_errors_is_unclear():
         ((), None),
     ],
 )
-def test_model_error_in_comparison_prefers_held_out_runs(runs, own):
+def test_comparison_prefers_errors_of_held_out_runs(runs, own):
     card = a_card(a_damper())
     other = replace(card, evidence=replace(card.evidence, runs=runs), damper=a_damper(1.5))
     assert compared(card, other).own_error_N == (None if own is None else pytest.approx(own))
@@ -124,7 +124,7 @@ def test_forces_are_compared_in_common_envelope():
     assert scope.amplitude <= 0.02
 
 
-def test_warm_dampers_are_compared_at_common_temperatures():
+def test_dampers_are_compared_at_common_temperatures():
     hot = replace(WARM, temperature=(333.15, 413.15))
     scope = compared(a_card(warm_damper(), WARM), a_card(warm_damper(), hot)).scope
     assert (scope.temperatures[0], scope.temperatures[-1]) == pytest.approx((333.15, 393.15))
@@ -132,7 +132,7 @@ def test_warm_dampers_are_compared_at_common_temperatures():
     assert unknown.temperatures[0] == pytest.approx(333.15)
 
 
-def test_damper_without_temperature_is_compared_where_tested():
+def test_temperature_independent_damper_is_compared_at_tested_temperature():
     """The second damper was tested only at 60 degC, where the first damper has the same yield force."""
     tested = replace(ENVELOPE, temperature=(332.0, 334.3))
     found = compared(a_card(warm_damper(), WARM), a_card(a_damper(0.96), tested))

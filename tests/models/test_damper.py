@@ -129,7 +129,7 @@ def test_coefficient_table_has_column_per_command():
         (lambda: OperatingEnvelope((1.0, 0.0), (0.0, 1.0), (0.0, 1.0)), r"envelope: command is \(1.0, 0.0\)"),
     ],
 )
-def test_message_names_invalid_damper(make, said):
+def test_error_message_describes_invalid_damper(make, said):
     with pytest.raises(InputError, match=said):
         make()
 
@@ -149,7 +149,7 @@ def test_position_gain_is_limited_by_stroke(gain, fine):
 # ----------------------------------------------------------------------------------------- temperature
 
 
-def test_temperature_parameters_are_damper_parameters():
+def test_damper_parameters_include_temperature_parameters():
     damper = warm()
     assert damper.parameters["viscosity.activation_K"] == 1435.5
     assert damper.units["viscosity.activation_K"] == "K"
@@ -162,7 +162,7 @@ def test_temperature_parameters_are_damper_parameters():
     assert changed.assumed == ("yield_force",)
 
 
-def test_invalid_coefficient_when_warm_is_named():
+def test_error_message_states_temperature_of_invalid_coefficient():
     fading = warm(yield_force=TemperatureDependent(Constant(100.0), Linear(0.015)))
     commands, kelvins = np.array([0.0, 0.0, 0.5]), np.array([293.15, 353.15, 373.15])
     (said,) = fading.violations(commands, kelvins)
@@ -174,7 +174,7 @@ def test_invalid_coefficient_when_warm_is_named():
     fading.check(ENVELOPE)  # An envelope without temperatures is checked at 20 degC.
 
 
-def test_viscosity_pole_inside_temperatures_is_rejected():
+def test_viscosity_pole_inside_temperature_range_is_rejected():
     frozen = warm(held=None, viscosity=TemperatureDependent(Constant(600.0), Vft(50.0, 280.0)))
     (said,) = frozen.violations([0.0, 0.0], [300.0, 275.0])
     assert said == "bouc-wen: viscosity is inf; it must be finite (at 0 A, 1.9 degC)"

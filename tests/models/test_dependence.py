@@ -176,7 +176,7 @@ def test_gradient_with_temperature_equals_complex_step(factor, data, command, ke
 
 
 @given(st.one_of(bipolynomials, temperature_dependent), commands, kelvins)
-def test_linear_parameters_act_jointly_linearly(law, command, kelvin):
+def test_coefficient_is_jointly_linear_in_linear_parameters(law, command, kelvin):
     """The derivative by a linear parameter does not depend on any linear parameter."""
     twice = [2.0 * x if linear else x for x, linear in zip(law.parameters, law.linear, strict=True)]
     both = law.with_parameters(twice)
@@ -258,7 +258,7 @@ def test_separable_polynomial_equals_bipolynomial(command, factor, at, kelvin):
 
 
 @given(hills, commands)
-def test_saturation_of_sharpness_one_equals_hill(law, command):
+def test_saturation_with_sharpness_one_equals_hill_function(law, command):
     same = Saturation(law.base, law.gain, law.half_command, law.exponent, law.reference)
     assert float(same.value(command)) == float(law.value(command))
     assert float(same.slope(command)) == float(law.slope(command))
@@ -281,7 +281,7 @@ def test_hill_function_is_even_in_command(law, command):
 @pytest.mark.parametrize(
     ("exponent", "expected"), [(2.0, 0.0), (1.0, 300.0 * (1 + 1 / 0.5)), (0.5, math.inf)]
 )
-def test_hill_slope_at_zero_is_limit(exponent, expected):
+def test_slope_of_hill_function_is_correct_at_zero(exponent, expected):
     law = Hill(90.0, 300.0, 0.5, exponent)
     assert float(law.slope(0.0)) == pytest.approx(expected)
     if math.isfinite(expected):

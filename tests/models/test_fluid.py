@@ -23,14 +23,14 @@ C20, C100 = 293.15, 373.15
 # Fluid of the paper
 
 
-def test_viscosity_of_paper_falls_by_65_percent():
+def test_viscosity_of_paper_fluid_falls_by_65_percent():
     cold, hot = PAPER.viscosity([C20, C100])
     assert 100.0 * (1.0 - hot / cold) == pytest.approx(65.0, abs=0.1)
     assert fall_percent(PAPER.viscosity_factor) == pytest.approx(65.0, abs=0.1)
 
 
 @pytest.mark.parametrize("flux_density", [0.1, 0.6])
-def test_yield_stress_of_paper_falls_linearly(flux_density):
+def test_yield_stress_of_paper_fluid_falls_linearly(flux_density):
     """With temperature, the yield stress falls linearly and less than the viscosity."""
     kelvin = np.linspace(C20, 403.15, 12)
     stress = PAPER.yield_stress(kelvin, flux_density_T=flux_density)
@@ -42,12 +42,12 @@ def test_yield_stress_of_paper_falls_linearly(flux_density):
 
 
 @given(st.floats(200.0, 500.0))
-def test_thermal_collapse_is_logistic_in_temperature(kelvin):
+def test_viscosity_collapse_is_logistic_in_temperature(kelvin):
     expected = 1.0 / (1.0 + math.exp((kelvin - 414.15) / 1.5))
     assert float(Collapse(414.15, 1.5).value(kelvin)) == pytest.approx(expected, rel=1e-9, abs=1e-15)
 
 
-def test_thermal_collapse_is_included_on_request():
+def test_viscosity_collapse_is_included_on_request():
     """The collapse reduces the viscosity from 138 degC on, outside the valid range."""
     hot = 273.15 + 145.0
     with pytest.warns(EnvelopeWarning):
@@ -64,7 +64,7 @@ def test_thermal_collapse_is_included_on_request():
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_fluid_preset_has_range_viscosity_yield_stress(name):
+def test_fluid_preset_has_published_properties(name):
     """Presets are valid from -40 to 130 degC, with 0.112 Pa s at 40 degC and Carlson's yield stress."""
     fluid = find_fluid(name)
     assert fluid.valid_K == pytest.approx((233.15, 403.15))
@@ -91,7 +91,7 @@ def test_lord_viscosity_follows_walther_equation():
 
 
 def test_lord_density_agrees_with_iron_fraction():
-    """32 % iron (7860 kg/m^3) in oil (800 to 960 kg/m^3) is denser than the stated 2300 kg/m^3."""
+    """32 % iron (7860 kg/m^3) in oil (800 to 960 kg/m^3) is denser than the paper's 2300 kg/m^3."""
     light, heavy = (0.32 * 7860.0 + 0.68 * oil for oil in (800.0, 960.0))
     assert LORD.density_kg_m3 is not None
     assert PAPER.density_kg_m3 is not None
@@ -191,7 +191,7 @@ def test_fluid_file_survives_round_trip(factor, viscosity, stress, slope, name, 
     assert fluid_to_toml(again) == text
 
 
-def test_omitted_values_are_taken_from_like_fluid():
+def test_fluid_named_by_like_supplies_omitted_values():
     fluid = fluid_from_toml(
         'name = "ours"\nlike = "paper"\n[viscosity]\nlaw = "reynolds"\nat_20degC_Pa_s = 0.2\n'
         "temperature_rate = 0.02\n[properties]\ndensity_kg_m3 = 2800\n"

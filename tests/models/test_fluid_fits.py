@@ -97,7 +97,7 @@ def test_viscosity_above_130_degC_is_not_fitted():
     assert any("4 point(s) outside -40 to 130 degC" in note for note in study.notes)
 
 
-def test_extrapolated_and_rising_viscosity_are_noted():
+def test_extrapolated_and_rising_viscosity_are_reported():
     kelvin = np.linspace(303.15, 353.15, 5)
     notes = " ".join(fit_viscosity(kelvin, Reynolds(-0.001).value(kelvin)).notes)
     assert "points are at 30 to 80 degC; the fall from 20 to 100 degC is extrapolated" in notes
@@ -105,7 +105,7 @@ def test_extrapolated_and_rising_viscosity_are_noted():
     assert "the VFT law is not fitted" in notes
 
 
-def test_vft_pole_at_bound_has_no_error():
+def test_vft_pole_at_bound_has_no_standard_error():
     """If ln(eta) is concave in T, the fitted pole is at its bound, where VFT equals Reynolds' law."""
     x = KELVIN - 293.15
     study = fit_viscosity(KELVIN, noisy(0.2 * np.exp(-0.005 * x - 6e-5 * x**2), 2, 0.002))
@@ -162,7 +162,7 @@ def test_yield_points_without_field_are_not_fitted():
     assert any("2 point(s) outside -40 to 130 degC or without field" in note for note in study.notes)
 
 
-def test_saturation_from_weak_fields_is_noted():
+def test_saturation_fitted_to_weak_fields_is_reported():
     """In weak fields, tanh u equals u within 0.1 %, so that the data determine only the initial slope."""
     field = np.repeat([1e3, 2e3, 4e3, 8e3], 4)
     kelvin = np.tile([293.15, 323.15, 353.15, 383.15], 4)

@@ -34,8 +34,8 @@ def test_force_band_width_matches_formula():
     assert BAND.coverage(force, measured, 2.5) == 1.0
 
 
-def test_motion_distance_is_larger_logarithm():
-    """The distance of two motions is the larger logarithm of the ratios of displacement and velocity."""
+def test_motion_distance_is_larger_logarithm_of_ratios():
+    """The distance of motions is the larger of |ln(displacement ratio)| and |ln(velocity ratio)|."""
     size = MotionSize(0.01, 0.2)
     assert size.distance([MotionSize(0.01, 0.1), MotionSize(0.1, 0.2)]) == pytest.approx(math.log(2.0))
     assert size.distance([MotionSize(0.02, 0.1), MotionSize(0.01, 0.05)]) == pytest.approx(math.log(2.0))

@@ -20,8 +20,8 @@ SERIES = ("spencer", "series-valve", "chain")
 
 
 @every_law
-def test_only_linear_coefficients_act_linearly(law: HysteresisLaw):
-    """If a linear coefficient is doubled, the force changes as much as if the coefficient rises from zero."""
+def test_force_is_linear_in_linear_coefficients(law: HysteresisLaw):
+    """Doubling a linear coefficient changes the force as much as raising the coefficient from zero."""
     if law.name not in SERIES:
         forces = {"N", "N s/m", "N/m", "kg"}
         assert [each.linear for each in law.coefficients] == [
@@ -53,7 +53,7 @@ def test_only_linear_coefficients_act_linearly(law: HysteresisLaw):
         ({"coulomb_friction": 50.0, "transition_velocity": 1e-6}, lambda x, v: 50.0 * np.sign(v)),
     ],
 )
-def test_chain_with_single_term_matches_formula(given, expected):
+def test_chain_law_with_single_term_matches_formula(given, expected):
     """The springs of the chain are so stiff that their deflection is negligible."""
     forms = {name: Constant(value) for name, value in ({"yield_force": 0.0} | RIGID | given).items()}
     path = drive(Sine(0.5, 0.05), duration=40.0, rate_Hz=25.0, command=0.0)

@@ -156,7 +156,7 @@ def test_rest_keeps_hysteresis_state():
     assert np.ptp(w[(t > 0.201) & (t < 0.399)]) < 1e-12
 
 
-def test_varying_rho_follows_same_curve():
+def test_hysteresis_curve_is_independent_of_varying_rho():
     """In a stroke without reversal, w = Y(integral of rho dx) for any variation of rho with the command."""
     t = np.arange(0, 0.2001, 1e-3)
     x, v = 0.02 * t + 0.05 * t**2, 0.02 + 0.1 * t

@@ -101,7 +101,7 @@ def test_batched_derivatives_match_single_runs():
         np.testing.assert_array_equal(of_many.combine @ of_many.columns, alone.combine @ alone.columns)
 
 
-def test_command_step_follows_first_order_lag():
+def test_step_response_follows_first_order_lag():
     """The command jumps within one sample. All later samples equal the closed form."""
     step, lag = 1e-3, 0.02
     command = np.concatenate([np.zeros(10), np.ones(200)])
@@ -232,7 +232,7 @@ def test_batched_simulation_matches_single_runs(name):
 
 @every_law
 @pytest.mark.parametrize("form", ["record", "causal"])
-def test_constant_temperature_path_equals_general_path(name, form):
+def test_shortcut_for_constant_temperature_keeps_force(name, form):
     """Coefficients that are computed once give the same force as coefficients at every sample."""
     damper, one = warm_damper(name), open_drive(warming(start=341.0, rise=0.0))
     assert one.temperature == 341.0
@@ -288,7 +288,7 @@ def test_warming_run_matches_integrator(name, varying):
 
 
 def differences(force_at, value: float) -> Iterator[FloatArray]:
-    """Yield central differences with three step sizes because the best one depends on the curvature."""
+    """Yield central differences with three step sizes. The best size depends on the curvature."""
     for share in (1e-4, 1e-5, 1e-6):
         h = share * (abs(value) or 1.0)
         first = force_at(value + h) - force_at(value - h)

@@ -144,7 +144,7 @@ def _radii(inner: float, outer: float, fine: int) -> FloatArray:
 def law_of(
     gap: float, wind: float, tube: float = 0.046, outer: float = 0.092, excess_K: float = 60.0
 ) -> float:
-    """Return the correlation divided by the conductivity of air [1/m]. Still air includes the bare tube."""
+    """Return the correlation divided by the conductivity of air [1/m], in still air including the tube."""
     air = air_at(_AMBIENT_K + 0.5 * excess_K)
     if wind > 0.0:
         return float(forced_side_film(wind, gap, tube, outer, air.kinematic_viscosity, air.prandtl))

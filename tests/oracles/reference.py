@@ -21,7 +21,7 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.laws import HysteresisLaw
 from mrdamper.models.python_law import Equations, hermite, integrate, turns_of
 
-# Speed [m/s] at which the coefficient ``viscosity`` is the viscous force divided by the speed.
+# The viscous force at this speed [m/s] is the coefficient ``viscosity`` times the speed.
 _VISCOUS_SPEED = 0.1
 
 Values = Mapping[str, float]

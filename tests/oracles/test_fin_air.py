@@ -45,7 +45,7 @@ def test_still_air_correlation_matches_computed_flow(folder, gap, within):
 
 @pytest.mark.release
 @pytest.mark.parametrize(("tube", "outer"), [(0.046, 0.069), (0.030, 0.090)])
-def test_still_air_correlation_matches_other_fins(folder, tube, outer):
+def test_still_air_correlation_matches_fins_of_other_sizes(folder, tube, outer):
     found = settle_fin_air(folder, 0.003, tube=tube, outer=outer)
     assert law_of(0.003, 0.0, tube, outer) == pytest.approx(found.mean, rel=0.20)
 

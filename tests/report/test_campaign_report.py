@@ -80,7 +80,7 @@ def an_error(**changed: object) -> RunError:
 # ----------------------------------------------------------------------------------------- levels and motions
 
 
-def test_close_temperatures_belong_to_one_level():
+def test_similar_temperatures_form_one_group():
     errors = [an_error(temperature_degC=t) for t in (19.8, 20.3, 119.9, 120.2, 123.0)]
     levels = levels_of(errors)
     assert (levels.kind, len(levels.values)) == ("temperature", 3)
@@ -205,7 +205,7 @@ def test_report_table_contains_every_run(text, judged):
 
 
 @pytest.mark.nightly
-def test_assumed_temperature_factors_are_marked(fitted, text):
+def test_assumed_temperature_factors_in_report_are_marked(fitted, text):
     assert "assumed" not in visible_text(text)
     forms = {
         name: replace(form, assumed=True)
@@ -224,7 +224,7 @@ def test_assumed_temperature_factors_are_marked(fitted, text):
 
 
 @pytest.mark.nightly
-def test_report_without_constant_currents_has_characteristics(fitted, judged):
+def test_report_without_constant_currents_has_temperature_effects(fitted, judged):
     """Without runs at constant current, the report has no measured operating points."""
     stepping = tuple(replace(error, command=None) for error in judged.runs)
     said = visible_text(PAGE.render(replace(fitted, assessment=replace(judged, runs=stepping))))
@@ -233,7 +233,7 @@ def test_report_without_constant_currents_has_characteristics(fitted, judged):
 
 
 @pytest.mark.nightly
-def test_many_runs_in_report_are_grouped(fitted, judged):
+def test_report_of_many_runs_shows_worst_runs(fitted, judged):
     """A report with 49 runs contains a table of the worst run of each motion."""
     training = [run for run in fitted.training if "sine5mm" in run.name][:4]
     runs, errors = [], []

@@ -23,7 +23,7 @@ def svg() -> str:
     return svg_drawn_by(lambda: panel_figure(PANELS, share="row"), 'five "lines"')
 
 
-def test_panels_of_row_share_axis_limits() -> None:
+def test_figure_panels_in_row_share_axis_limits() -> None:
     with drawing_style():
         first, second = panel_figure(PANELS, share="row").axes
     assert first.get_ylim() == second.get_ylim()

@@ -88,7 +88,7 @@ def test_first_screen_has_fixed_order_of_parts():
         ("", "."),
     ],
 )
-def test_verdict_has_capital_and_full_stop(given, said):
+def test_verdict_is_formatted_as_sentence(given, said):
     assert sentence(given) == said
 
 

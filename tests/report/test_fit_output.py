@@ -92,7 +92,7 @@ def test_error_table_agrees_with_errors_csv(selected, tmp_path):
         assert error["worst_percent"] == pytest.approx(percent.max())
 
 
-def test_selection_reports_errors_on_subset_and_all(selected):
+def test_selection_reports_errors_on_subset_and_all_runs(selected):
     selection = REPORT.answer(selected)["selection"]
     assert selection["candidates"][0]["reason"] == "chosen"
     assert selection["sample_count"] > 0
@@ -100,7 +100,7 @@ def test_selection_reports_errors_on_subset_and_all(selected):
     assert selection["is_subset"] in (True, False)
 
 
-def test_contradicting_errors_of_fit_become_finding(selected):
+def test_contradicting_errors_of_fit_are_reported(selected):
     """A finding is reported if the cross-validation error is far below the training error."""
     first, *others = selected.selection.scores
     small = replace(first, cv_percent_by_run=tuple(0.1 * e for e in first.cv_percent_by_run))

@@ -32,7 +32,7 @@ def small():
 # ------------------------------------------------------------------------------------------ planned runs
 
 
-def test_hold_out_patterns_match_held_out_runs():
+def test_proposed_hold_out_patterns_match_held_out_runs():
     campaign = Campaign()
     runs = campaign.runs("hard")
     held_out = {run.name for run in runs if run.held_out}

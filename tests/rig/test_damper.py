@@ -12,7 +12,7 @@ from mrdamper.virtual_rig.lumped import LUMPED
 from tests.oracles.paper_preset import solve_thermal_claims
 
 
-def test_paper_preset_meets_thermal_claims():
+def test_preset_paper_has_published_force_loss():
     found = solve_thermal_claims()
     for name in ("yield_field_N", "viscous_N", "yield_loss_per_K", "friction_loss_per_K"):
         assert getattr(PRESETS["paper"], name) == pytest.approx(getattr(found, name), rel=2e-6), name

@@ -206,6 +206,6 @@ def test_randomised_dampers_dissipate_energy(damper):
 
 
 @pytest.mark.parametrize(("x", "degrees"), [(0.0406, 20.0), (0.0, np.nan)])
-def test_displacement_beyond_chambers_raises(x, degrees):
+def test_displacement_beyond_hydraulic_chambers_is_rejected(x, degrees):
     with pytest.raises(InputError, match="displacement within 90 % of the chambers"):
         Plant(BENCH).advance(x, 0.0, 0.0, degrees)

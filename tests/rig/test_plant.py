@@ -60,7 +60,7 @@ def test_coil_current_follows_first_order_lag(degrees):
     assert response.coil_current == pytest.approx(expected, rel=1e-11)
 
 
-def test_integral_control_holds_current_in_warm_coil():
+def test_integral_control_keeps_current_in_warm_coil():
     """Without integral control, a warm coil of resistance R would get the current I R0 / R."""
     assert at_rest(NOMINAL, 1.7, 123.0)[1].coil_current[-1] == pytest.approx(1.7, rel=1e-6)
 
@@ -73,7 +73,7 @@ def test_supply_voltage_limits_current_and_its_rise():
 
 
 def test_magnetic_flux_rises_and_falls_exponentially():
-    """Without coil lag, the flux is 1 - exp(-t / rise), then exp(-t / fall). Both times fall with heat."""
+    """Without coil lag, the flux is 1 - exp(-t / rise), then exp(-t / fall). Warm iron reacts faster."""
     damper = replace(QUICK_COIL, fluid_lag_s=1e-9, play_share=0.0)
     n = 1000
     command = np.concatenate([np.ones(n), np.zeros(n)])
@@ -281,7 +281,7 @@ def rough_run(n=3000, seed=2):
     )
 
 
-def test_block_of_plant_steps_equals_single_steps():
+def test_batch_of_plant_steps_equals_single_steps():
     run = rough_run()
     steps, blocks = Plant(NOMINAL), Plant(NOMINAL)
     stepwise = [steps.advance(*map(float, sample)) for sample in zip(*run, strict=True)]
@@ -311,7 +311,7 @@ def test_restored_plant_state_repeats_force():
 @pytest.mark.parametrize(
     ("sample", "value"), [("displacement", np.nan), ("velocity", np.inf), ("temperature", 293.15)]
 )
-def test_invalid_plant_sample_keeps_state(sample, value):
+def test_invalid_sample_leaves_plant_state_unchanged(sample, value):
     run = dict(zip(("displacement", "velocity", "current", "temperature"), rough_run(100), strict=True))
     run[sample] = run[sample].copy()
     run[sample][60] = value
@@ -337,5 +337,5 @@ def test_plant_includes_no_kernel_code():
         for name in re.findall(r'#include\s+[<"](.+?)[>"]', path.read_text(encoding="utf-8"))
     }
     standard = {"Python.h", "math.h", "stdint.h", "stdlib.h", "string.h"}
-    interface = {"loop_plant.h"}  # The header has a function for the control loop in C.
+    interface = {"loop_plant.h"}  # The header declares a function for the control loop in C.
     assert included == {*standard, *interface, "plant.h", "hydraulic.h"}

@@ -135,7 +135,7 @@ def default_fit(preset: str, law: str = SELECTED) -> FitResult:
 
 @cache
 def paper_card() -> ModelCard:
-    """Return the card of a fit to runs of the virtual damper ``paper``, which takes two seconds."""
+    """Return the card of a fit to runs of the virtual damper ``paper``. The fit takes two seconds."""
     damper, plan = LUMPED["paper"], HEATING_CAMPAIGN
     runs = tuple(measure_run(damper, each, plan, seed=1)[0] for each in plan.runs(damper.name))
     return fit_law(FitData.prepare(Dataset(runs))).card()

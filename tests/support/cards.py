@@ -170,7 +170,7 @@ _YIELD_FORCES = ("yield_force", "second_force", "rate_force")
 
 
 def passive(damper: Damper, *, yields: bool = True) -> Damper:
-    """Return the damper without dependence on current, as fitted to runs at zero current."""
+    """Return the damper with its force at zero current, optionally without yield force."""
     at_zero = dict(zip(damper.law.names, damper.coefficients_at(np.zeros(1))[:, 0], strict=True))
     forms: dict[str, ParameterLaw] = {}
     for name, form in damper.coefficients.items():
@@ -185,7 +185,7 @@ _AnyStepper = TypeVar("_AnyStepper", bound=Stepper)
 
 
 def changed(stepper: _AnyStepper, **values: object) -> _AnyStepper:
-    """Return a controller or model in which ``faults__fall_back=0.4`` sets ``config.faults.fall_back``."""
+    """Return a controller or model with changed settings, for example ``faults__fall_back=0.4``."""
     config = stepper.config
     for name, value in values.items():
         part, _, field = name.partition("__")
