@@ -578,9 +578,9 @@ def prototype(k: rig.SpencerDamper, voltage: float) -> Damper:
 def test_spencer_matches_independent_runge_kutta_program(motion, voltage, largest, rms):
     """The reference is a Runge-Kutta method at 20 kHz with the textbook coefficients of a 3 kN damper.
 
-    The kernel runs at 1 kHz. In the three cases, the largest errors are 1e-4, 6e-4 and 2.2e-3 of the peak
-    force, and the rms errors are 3e-5, 2e-4 and 7e-4 of the standard deviation. The kernel estimates the time
-    of a reversal within a millisecond. This estimate matters because the yield displacement is only 21 um.
+    The kernel runs at 1 kHz. The largest errors in the three cases are 1e-4, 6e-4 and 2.2e-3 of the peak
+    force. The rms errors are 3e-5, 2e-4 and 7e-4 of the standard deviation. The kernel estimates the time of
+    a reversal within a millisecond. This estimate matters because the yield displacement is only 21 um.
     """
     every, k = 20, rig.SpencerDamper()
     time_, x, force = (

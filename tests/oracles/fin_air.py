@@ -54,8 +54,8 @@ def settle_fin_air(folder: Path, gap: float, **given: float) -> FinAir:
     """Return heat-transfer coefficients extrapolated to cell size zero (Richardson extrapolation).
 
     The fine one of two grids has half the cell size. Errors are proportional to the squared cell size (order
-    1.9 on three grids at 3 mm), so the error of the fine grid is a third of the difference between the grids.
-    The stated error is 1.25 times the error of the fine grid, as in the grid convergence index.
+    1.9 on three grids at 3 mm). The error of the fine grid is therefore a third of the difference between the
+    grids. The stated error is 1.25 times this error, as in the grid convergence index.
     """
     rough, fine = (compute_fin_air(folder, gap, fine=each, **given) for each in (1, 2))
     sides, floor, rim, mean = (
