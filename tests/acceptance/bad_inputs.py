@@ -1,7 +1,6 @@
 """Invalid inputs for ``test_bad_inputs.py``, each with a pattern of the expected message.
 
-A case is a name, a function that writes the files and returns the arguments of the command line, and the
-pattern. The folder of a case also holds ``good.csv`` (a valid run) and ``card.json`` (a valid card).
+The working directory of each test also contains ``good.csv`` (a valid run) and ``card.json`` (a valid card).
 """
 
 from __future__ import annotations
@@ -34,10 +33,11 @@ Arguments = list[object]
 
 @dataclass(frozen=True)
 class Case:
-    """Describe an invalid input, the function that writes it, and the message that it causes."""
+    """Invalid input with a pattern of the message that the command line must print."""
 
     name: str
-    make: Callable[[Path], Arguments]  # Writes the files and returns the arguments of the command line.
+    # This function writes the files and returns the command-line arguments.
+    make: Callable[[Path], Arguments]
     message: str  # Regular expression that the printed message must match.
 
 
@@ -65,8 +65,6 @@ def identify(*paths: object) -> Arguments:
 
 
 def raw(content: bytes, name: str = "bad.csv") -> Callable[[Path], Arguments]:
-    """Return a function that writes these bytes to a file and returns the arguments of ``fit`` for it."""
-
     def make(folder: Path) -> Arguments:
         (folder / name).write_bytes(content)
         return identify(name)
@@ -101,8 +99,6 @@ def put(role: str, at: int | slice, value: object) -> Callable[[dict[str, np.nda
 
 
 def edit(role: str, change: Callable[[np.ndarray], np.ndarray]) -> Callable[[dict[str, np.ndarray]], None]:
-    """Return a function that changes the column of this role (for example ``force``)."""
-
     def spoil(given: dict[str, np.ndarray]) -> None:
         name = next(name for name in given if name.startswith(role))
         given[name] = change(given[name])
@@ -163,8 +159,6 @@ def signature_alone(content: bytes) -> bytes:
 
 
 def pipe(name: str, *arguments: object) -> Callable[[Path], Arguments]:
-    """Return a function that creates a named pipe instead of a file and returns the arguments."""
-
     def make(folder: Path) -> Arguments:
         os.mkfifo(folder / name)
         return [*arguments]
@@ -224,7 +218,7 @@ BOOK = {
 
 
 def workbook(sheet: bytes, *, stated: int | None = None) -> bytes:
-    """Return an XLSX workbook with one sheet. ``stated`` is the unpacked size in the ZIP directory."""
+    """Return an XLSX workbook with one sheet. ``stated`` replaces the unpacked size in the ZIP directory."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, part in BOOK.items():
@@ -237,7 +231,7 @@ def workbook(sheet: bytes, *, stated: int | None = None) -> bytes:
 
 
 def bomb(stated: int) -> Callable[[Path], Arguments]:
-    """Return a function that writes a workbook of 40 kB that unpacks to 40 MB instead of ``stated`` bytes."""
+    """Return a function that writes a workbook of 40 kB. It unpacks to 40 MB but states ``stated`` bytes."""
 
     def make(folder: Path) -> Arguments:
         row = b'<row r="1">' + b"<c><v>0</v></c>" * 4 + b"</row>"
@@ -248,7 +242,7 @@ def bomb(stated: int) -> Callable[[Path], Arguments]:
 
 
 def entity(declared: str) -> bytes:
-    """Return a workbook that declares the XML entity ``e`` and uses it as a text next to two numbers."""
+    """Return a workbook with the XML entity ``e``. Each row contains this entity as text and two numbers."""
     cells = '<c t="str"><v>&e;</v></c><c><v>1</v></c><c><v>2</v></c>'
     rows = "".join(f'<row r="{k}">{cells}</row>' for k in range(1, 9))
     return workbook(f"<!DOCTYPE s [{declared}]>{SHEET.replace('@', rows)}".encode())
@@ -282,7 +276,7 @@ def channel_map(content: str | bytes | None) -> Callable[[Path], Arguments]:
     return make
 
 
-# ------------------------------------------------------------------------------------------- cards
+# ------------------------------------------------------------------------------------------- model cards
 
 
 def card(change: Callable[[dict], object]) -> Callable[[Path], Arguments]:  # type: ignore[type-arg]
@@ -299,7 +293,7 @@ def card(change: Callable[[dict], object]) -> Callable[[Path], Arguments]:  # ty
 def card_bytes(content: bytes) -> Callable[[Path], Arguments]:
     def make(folder: Path) -> Arguments:
         (folder / "bad.json").write_bytes(content)
-        # Finalizers of objects of earlier tests would fail inside the deep recursion that this card causes.
+        # Collect garbage now because finalizers would fail in the deep recursion that this card causes.
         gc.collect()
         return [*EVALUATE]
 
@@ -370,7 +364,7 @@ CASES: tuple[Case, ...] = (
         r"'force_kN', 'force_N' all hold force",
     ),
     Case("wrong unit, metres", header(MILLIMETRES_AS_METRES), r"looks like mm read as m"),
-    # Numbers
+    # Invalid values in columns
     Case("NaN", spoilt(put("force", slice(40, 50), np.nan)), r"force is nan at sample 40 \(10 such"),
     Case(
         "gap",
@@ -380,7 +374,7 @@ CASES: tuple[Case, ...] = (
     Case("dead load cell", spoilt(edit("force", lambda f: 0.0 * f)), r"force never changes"),
     Case("one command", lambda folder: identify("good.csv")[:-1], r"(?s)one command.*--one-command"),
     Case("force turned", spoilt(edit("force", lambda f: -f)), r"force and velocity have opposite signs"),
-    # Paths that do not hold runs
+    # Files and folders that contain no runs
     Case("pickle", raw(pickle.dumps({"force": [1.0]}), "bad.pkl"), r"a Python pickle, which is never opened"),
     # Binary formats
     Case("Parquet, cut", cut("run.parquet", 0.7), r"not a readable Parquet file"),
@@ -408,8 +402,8 @@ CASES: tuple[Case, ...] = (
     ),
     # Text files of data loggers
     Case("logger, cut", cut("logger.txt", 0.5), r"holds \d+ samples where its header states 401"),
-    # Each of these cases holds one file per format: empty, with the signature of another format, or with only
-    # the signature. An empty JSON file is not in the message because it may belong to any program.
+    # One file of each format is empty, has no signature, or contains only its signature. The message does not
+    # name the empty JSON file because such a file may belong to any program.
     Case("empty, every format", empty_files, rf"(?s)(is empty.*){{8}}and {len(WRITERS) - 9} more"),
     *(
         Case(
@@ -452,7 +446,7 @@ CASES: tuple[Case, ...] = (
         pipe("map.toml", *identify("good.csv"), "--channels", "map.toml"),
         r"map\.toml: is a pipe or a device",
     ),
-    # Cards
+    # Model cards
     Case("card of another schema", card(lambda d: d.update(schema_version=999)), r"schema_version.*999"),
     Case(
         "card, edited",

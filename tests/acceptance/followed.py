@@ -1,4 +1,4 @@
-"""Simulate tracking controllers on dampers of the virtual rig, and list the limits of their errors."""
+"""Simulation of force tracking with dampers of the virtual rig, and the limits of the force errors."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from mrdamper.virtual_rig.plant import STEP_S, Plant, VirtualDamper
 
 TEMPERATURES, SEEDS = (20.0, 60.0, 100.0, 123.0), (1, 2)
 SLOW, FAST, UNEVEN = TARGETS = ("sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic")
-# Limits of the force errors [N]: largest error, largest error on feasible samples, RMS error on feasible
-# samples. One limit is 176 N instead of the required 175 N, because one infeasible sample has an error of at
-# least 175.3 N with any controller.
+# Limits [N] of three errors: the largest error, and the largest and RMS errors at samples with a target force
+# that the damper can produce. One limit is 176 N instead of 175 N because one sample has an error of at least
+# 175.3 N with any controller.
 MUST = {
     ("nominal", SLOW): (120.0, 62.5, 21.0),
     ("nominal", FAST): (176.0, 75.0, 25.0),
@@ -23,14 +23,13 @@ MUST = {
     ("hard", FAST): (265.0, 125.0, 48.0),
     ("hard", UNEVEN): (400.0, 225.0, 63.0),
 }
-# Limits of the RMS error, divided by the RMS error of the paper's controller
+# Limits of the RMS error relative to the controller of the reference paper
 OF_THE_PAPERS = {SLOW: 0.3, FAST: 0.25, UNEVEN: 0.35}
 
 _REACHES: dict[tuple[VirtualDamper, str, float, float], AttainableRange] = {}
 
 
 def reach(damper: VirtualDamper, scenario: Scenario) -> AttainableRange:
-    """Return the attainable force range of the damper. It is cached because all controllers use it."""
     key = damper, scenario.name, scenario.temperature_degC, scenario.duration_s
     if key not in _REACHES:
         course = reference_trajectory(scenario, STEP_S)
@@ -41,12 +40,11 @@ def reach(damper: VirtualDamper, scenario: Scenario) -> AttainableRange:
 
 
 def forget_reaches() -> None:
-    """Delete the cached force ranges, to limit the memory before other dampers are tested."""
     _REACHES.clear()
 
 
 def scores(damper: VirtualDamper, controller: ForceController, scenario: Scenario) -> dict[float, Score]:
-    """Return the worst value of each score over the sensor-noise seeds for each temperature [degC]."""
+    """Return the scores at each temperature [degC]: the worst of two runs with different sensor noise."""
     found = {}
     for degrees in TEMPERATURES:
         warm = replace(scenario, temperature_degC=degrees)
@@ -57,5 +55,4 @@ def scores(damper: VirtualDamper, controller: ForceController, scenario: Scenari
 
 
 def followed(damper: VirtualDamper, controller: ForceController, scenario: Scenario) -> Score:
-    """Return the worst value of each score over all temperatures and seeds of the sensor noise."""
     return combine_worst(list(scores(damper, controller, scenario).values()))

@@ -1,8 +1,8 @@
-"""A default fit represents an asymmetric damper, whose force is larger in one direction as in a car.
+"""A default fit represents a damper whose force is larger in extension than in compression.
 
-The equations of the damper differ from all hysteresis models of the package: an asymmetric valve with tanh,
-linear and square terms in series with a spring, plus friction and gas. They are integrated with steps of 50
-us.
+The equations of the damper differ from all hysteresis models of the package. They describe an asymmetric
+valve with tanh, linear and square terms in series with a spring, plus friction and gas. They are integrated
+with steps of 50 us.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from mrdamper.data.records import Dataset, RigRun
 pytestmark = pytest.mark.nightly
 
 RATE_Hz, STEPS = 500.0, 40
-# Ratio of extension to compression: 2.2 (yield force), 2.6 (flow)
+# Relative deviations from the mean of extension and compression. In extension, the yield force is 2.2 times
+# as large as in compression, and the flow resistance 2.6 times.
 YIELD_ASYMMETRY, FLOW_ASYMMETRY = 0.38, 0.44
 SPEEDS = np.concatenate([-np.logspace(0.5, -9.0, 4000), [0.0], np.logspace(-9.0, 0.5, 4000)])
 

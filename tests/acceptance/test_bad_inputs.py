@@ -1,7 +1,7 @@
 """Invalid inputs end with a message and exit code 3, without a traceback, a hang or partial files.
 
-The tests run the command line in this process. ``check`` prints the same message as ``fit`` if a file cannot
-be read. If a run can be read but not fitted, ``check`` reports a fault.
+The tests run the command line in the process of pytest. ``check`` prints the same message as ``fit`` if a
+file cannot be read. If a run can be read but not fitted, ``check`` reports a fault.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ HANG_s = 60
 
 @pytest.fixture(scope="module", autouse=True)
 def _loaded():
-    """Import the libraries of the file formats once because importing takes CPU time, which is limited."""
+    """Import the libraries of the file formats once, because the limit of the CPU time excludes imports."""
     for module in (
         "asammdf",
         "h5py",
@@ -51,7 +51,7 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture(autouse=True)
 def _awake():
-    """End a test that waits without limit, for example for a pipe."""
+    """Raise TimeoutError in a test that waits too long, for example for a pipe."""
 
     def ring(*_):
         raise TimeoutError
@@ -119,7 +119,7 @@ def test_check_reports_unreadable_file(case: Case, folder, monkeypatch, capfd):
     before = names_in(folder)
     code, out, err, _ = run(monkeypatch, capfd, *_checked(arguments), "--json")
     assert code == 3, err
-    if out:  # If the runs leave open questions, they are printed as JSON.
+    if out:  # Standard output is empty unless ``check`` prints questions to the user as JSON.
         asked = json.loads(out)
         assert asked["questions"]
         assert (asked["runs"], asked["usable"]) == ([], False)

@@ -59,8 +59,8 @@ def virtual_case(preset: str, temperatures_degC: tuple[float, ...]) -> Case:
     return Case(short_campaign(preset, temperatures_degC), ("*sine15mm1Hz*",))
 
 
-# Known failures: the changed data lead to another hysteresis model or other terms. The error of the six
-# held-out runs then changes by 25 %.
+# These tests fail on two data sets. The changed data lead to another hysteresis model or other terms. The
+# error of the six held-out runs then changes by 25 %.
 KNOWN_FAILURES = {
     *(("test_every_second_sample_gives_similar_model", name) for name in ("nominal", "hard")),
     *(("test_run_generated_by_model_hardly_changes_model", name) for name in ("nominal", "hard")),
@@ -87,7 +87,7 @@ def mark_known_failures(request: pytest.FixtureRequest) -> None:
     ],
 )
 def case(request: pytest.FixtureRequest) -> Case:
-    """Return the data set. Fast tests fit one hysteresis law; nightly tests select law and terms."""
+    """Return a data set. Fast tests use a fixed hysteresis law; nightly tests also select law and terms."""
     if request.param == "small":
         return replace(virtual_case("nominal", (20.0,)), law="bouc-wen")
     if request.param == "selected":

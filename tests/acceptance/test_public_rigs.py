@@ -57,7 +57,7 @@ def test_series_valve_predicts_held_out_motions(sines: mrdamper.Dataset) -> None
 
 @pytest.mark.data
 def test_series_valve_predicts_held_out_chirp(series_valve: Identification, real_data: Path) -> None:
-    """The chirp reaches ten times the lowest training frequency. Its run at 0 A has a force offset."""
+    """The chirp reaches ten times the lowest training frequency. A force offset at 0 A is ignored."""
     chirps = mrdamper.read_runs([str(real_data / "dev" / "utfsm_chirp_*.csv")])
     errors = {error.command: error for error in mrdamper.evaluate(series_valve.damper, chirps)}
     assert errors[1.0].nrmse_percent <= 18.0

@@ -1,8 +1,8 @@
-"""Models of dampers of the virtual rig, fitted and tested at several temperatures.
+"""Models are fitted to runs of the virtual rig at several temperatures and tested at other temperatures.
 
-The default campaign has 0 to 2 A. The training temperatures are 20, 40, 80 and 120 degC. A chirp and 60, 100
-and 123 degC are held out. An RMS error refers to the five currents of a motion at a temperature. A limit for
-all trained motions applies to each of them at each temperature.
+The default campaign has five currents of 0 to 2 A. The training temperatures are 20, 40, 80 and 120 degC. The
+temperatures 60, 100 and 123 degC and a chirp motion are held out. An RMS error combines the five currents of
+one motion at one temperature.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def errors_of(preset: str, law: str) -> Errors:
 
 
 def by_temperature(model: Identification, preset: str) -> Errors:
-    """Return, for each motion and temperature, the RMS error [N] over all currents without current steps."""
+    """Return the RMS error [N] of each motion and temperature over the runs with constant current."""
     squares: dict[tuple[str, int], list[float]] = {}
     steady = [run for run in default_campaign(preset) if run.constant_command is not None]
     for error in mrdamper.evaluate(model, steady):
@@ -81,7 +81,7 @@ DAMPERS_AND_LAWS = [(preset, law) for preset in ("nominal", "hard") for law in (
     [("nominal", SELECTED, 25.0), ("hard", SELECTED, 35.0), ("nominal", PLAIN, 25.0), ("hard", PLAIN, 45.0)],
 )
 def test_error_of_trained_sine_is_limited(preset, law, bar_N):
-    """The errors are at most 25 to 45 N. The paper reports 65.2 to 72.6 N for its own damper."""
+    """The limit is 25 to 45 N. The reference paper reports 65.2 to 72.6 N for a different damper."""
     errors = errors_of(preset, law)
     assert {t: round(errors["sine5mm1Hz", t], 1) for t in TRAINED if errors["sine5mm1Hz", t] > bar_N} == {}
 
@@ -109,8 +109,8 @@ def test_held_out_temperatures_increase_error_little(preset, law):
 def test_held_out_chirp_increases_error_little(law):
     """The chirp reaches 8 Hz and 150 mm/s, four times the largest speed of the training motions.
 
-    The error of the chirp is at most 1.5 times the training error. At 20 degC, the lowest temperature, the
-    error of the default law is 1.57 times its training error of 15 N.
+    The limit is 1.5 times the training error. At the training temperatures, the factor is 1.6 for the default
+    law: at 20 degC, its error is 1.57 times its training error of 15 N.
     """
     errors = errors_of("nominal", law)
     trained = over(errors, TRAINED_MOTIONS, TRAINED)
@@ -123,7 +123,7 @@ def test_held_out_chirp_increases_error_little(law):
     [pytest.param(SELECTED, 35.0, marks=_not_met("40.3 N at 20 degC, 35 are asked")), (PLAIN, 55.0)],
 )
 def test_chirp_error_of_hard_damper_is_limited(law, bar_N):
-    """The viscosity decreases at high shear rates, which the slower training motions hardly excite."""
+    """The training motions are too slow for the high shear rates at which the viscosity decreases."""
     errors = errors_of("hard", law)
     assert {t: round(errors[CHIRP, t], 1) for t in (*TRAINED, *HELD_OUT) if errors[CHIRP, t] > bar_N} == {}
 
@@ -132,8 +132,8 @@ def test_chirp_error_of_hard_damper_is_limited(law, bar_N):
 
 
 @cache
-def errors_of_unaware(preset: str, known: str) -> Errors:
-    """Return the errors of the default law without temperature, fitted to 20 degC or to all training runs."""
+def errors_without_temperature(preset: str, known: str) -> Errors:
+    """Return the errors of a model without temperature, fitted to runs at 20 degC or to all training runs."""
     selection = default_fit(preset, SELECTED).selection
     assert selection is not None
     chosen = selection.chosen.candidate
@@ -149,16 +149,16 @@ def errors_of_unaware(preset: str, known: str) -> Errors:
 @pytest.mark.parametrize(("known", "times"), [("20 degC", 4.0), ("pooled", 2.0)])
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
 def test_model_without_temperature_is_inaccurate_when_hot(preset, known, times):
-    """At 123 degC, errors are 4 times (fitted at 20 degC) or 2 times (fitted to all runs) as large."""
-    aware, unaware = errors_of(preset, SELECTED), errors_of_unaware(preset, known)
+    """At 123 degC, errors are at least 4 (fit to runs at 20 degC) or 2 times (fit to all runs) as large."""
+    aware, unaware = errors_of(preset, SELECTED), errors_without_temperature(preset, known)
     for motion in (*TRAINED_MOTIONS, CHIRP):
         assert unaware[motion, 123] >= times * aware[motion, 123], motion
 
 
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
 def test_model_without_temperature_is_accurate_when_cold(preset):
-    """Its error at 20 degC is at most 1.5 times as large, so errors when hot are due to temperature."""
-    aware, unaware = errors_of(preset, SELECTED), errors_of_unaware(preset, "20 degC")
+    """At 20 degC, the error is at most 1.5 times as large, so larger errors at 123 degC are thermal."""
+    aware, unaware = errors_of(preset, SELECTED), errors_without_temperature(preset, "20 degC")
     assert over(unaware, TRAINED_MOTIONS, [20]) <= 1.5 * over(aware, TRAINED_MOTIONS, [20])
 
 
@@ -234,7 +234,7 @@ def bias_of_n(preparation: Preparation | None, terms: tuple[()] | None) -> float
 
 @pytest.mark.parametrize("terms", [None, ()], ids=["with friction", "plain"])
 def test_displacement_noise_keeps_fitted_exponent_unbiased(terms):
-    """The bias is below 5 % with the terms of the default model and without terms."""
+    """The bias is below 5 % with the default terms (for example friction) and without additional terms."""
     assert abs(bias_of_n(None, terms)) < 0.05
 
 
@@ -242,18 +242,18 @@ def test_displacement_noise_keeps_fitted_exponent_unbiased(terms):
 
 
 def peak_of(damper: Damper, degrees: float) -> float:
-    """Return the maximum force [N] in the third second of the motion of the paper's thermal test at 2 A."""
+    """Return the peak force [N] after 2 s of the paper's thermal test motion at 2 A."""
     path = drive(THERMAL_MOTION, duration=3.0, rate_Hz=2000.0, command=2.0, temperature=degrees + KELVIN)
     return float(np.abs(simulate(damper, path)[4000:]).max())
 
 
 @pytest.mark.parametrize("thermal_motion_run", [True, False], ids=["motion trained", "motion not seen"])
 def test_card_loses_force_as_paper_states(thermal_motion_run):
-    """The loss of force at 15 mm and 1 Hz agrees with the paper within one percentage point.
+    """In a motion of 15 mm and 1 Hz, the card loses as much force with temperature as the paper reports.
 
-    The campaign includes 130 degC. If it does not contain this motion, the card extrapolates: the motion has
-    2.5 times the largest speed and three times the largest stroke of the campaign. The loss then deviates by
-    0.7 to 1.05 percentage points for seeds 0 to 2, so the limit is 1.25 points.
+    The limit is 1 percentage point if the campaign contains this motion. Otherwise the card extrapolates: the
+    motion has 2.5 times the largest speed and three times the largest stroke of the campaign. For seeds 0 to
+    2, the extrapolated loss then deviates by 0.7 to 1.05 points, so the limit is 1.25 points.
     """
     allowed = 0.01 if thermal_motion_run else 0.0125
     campaign = Campaign(
@@ -262,7 +262,7 @@ def test_card_loses_force_as_paper_states(thermal_motion_run):
     )
     card = mrdamper.fit([run for run, _ in measure(LUMPED["paper"], campaign)], BETTER).card()
     assert card.envelope.temperature is not None
-    # The upper limit of the envelope is 0.3 K lower at most because the temperature sensor has noise.
+    # The measured maximum temperature can be 0.3 K too low because the sensor has noise.
     assert card.envelope.temperature[1] >= 129.9 + KELVIN - 0.3
     cold = peak_of(card.damper, 20.0)
     for degrees, lost in CLAIMED_LOSSES:
@@ -306,7 +306,7 @@ def first_time(risen: np.ndarray, step: float) -> float:
 
 @cache
 def lateness(preset: str, degrees: float) -> Mapping[tuple[float, float], float]:
-    """Return the response time of the fitted model minus the plant's [ms] for each current step."""
+    """Return the response time [ms] of the model minus the response time of the plant for each step."""
     damper = default_fit(preset, SELECTED).damper
     return {
         step: 1e3 * (t63_of_model(damper, *step, degrees) - t63_of_plant(preset, *step, degrees))
@@ -317,7 +317,7 @@ def lateness(preset: str, degrees: float) -> Mapping[tuple[float, float], float]
 @pytest.mark.parametrize("degrees", [20.0, 120.0])
 @pytest.mark.parametrize("preset", ["nominal", "hard", "stiff"])
 def test_mean_response_time_matches_plant(preset, degrees):
-    """The mean over steps of both sizes and directions agrees within 1 ms plus half a sampling interval."""
+    """The mean over small and large steps, up and down, agrees within 1 ms plus half a sampling interval."""
     assert abs(np.mean(list(lateness(preset, degrees).values()))) <= 2.0
 
 
@@ -328,10 +328,10 @@ def test_mean_response_time_matches_plant(preset, degrees):
     ("law", "bar_s", "seeds"), [(PLAIN, 1.2, 3), (BETTER, 1.6, 3), ("series-valve", 6.0, 1)]
 )
 def test_fit_from_one_start_is_fast(law, bar_s, seeds):
-    """Fit 5 currents, 4 temperatures and 3 motions of 4 s at 500 Hz, including the preparation of the runs.
+    """The CPU time of a fit to 60 runs, including their preparation, is below the limit.
 
-    The CPU time is the best of eight rounds because the machine can be loaded. The fit of the default law
-    takes 1.05 s, the fit of the plain Bouc-Wen law 0.9 s.
+    The runs have five currents, four temperatures and three motions of 4 s at 500 Hz. The CPU time is the
+    shortest of eight fits because other programs can slow the machine down.
     """
     training, _ = default_campaign("nominal").split(Campaign().hold_out)
     runs = [run for run in training if run.constant_command is not None]
@@ -348,7 +348,7 @@ def test_fit_from_one_start_is_fast(law, bar_s, seeds):
 
 
 def test_cost_matches_errors_with_one_motion():
-    """One motion leaves parameters undetermined. A friction that is 1000 times too large must not fit."""
+    """One motion leaves parameters undetermined, but the fit rejects a friction that is far too large."""
     runs = [run for run in default_campaign("nominal") if "sine5mm1Hz" in run.name]
     model = mrdamper.fit(runs, BETTER, hold_out=("*_060C_*",))
     errors = [error.nrmse_percent for error in mrdamper.evaluate(model, runs) if error.split == "training"]

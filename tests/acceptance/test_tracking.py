@@ -51,8 +51,8 @@ def card_of(preset: str) -> ModelCard:
 
 
 @cache
-def blind_card(known: str) -> ModelCard:
-    """Return a card of ``nominal`` without temperature dependence, fitted at 20 degC or to all runs."""
+def card_without_temperature(known: str) -> ModelCard:
+    """Return a card without temperature dependence, fitted to runs at 20 degC or to all training runs."""
     training, _ = default_campaign("nominal").split(Campaign().hold_out)
     runs = [run for run in training if known == "pooled" or "_020C_" in run.name]
     assert len(runs) == (64 if known == "pooled" else 16)
@@ -67,14 +67,14 @@ def controllers_of(preset: str) -> Mapping[str, ForceController]:
 
 
 @cache
-def of_the_paper(preset: str) -> Mapping[str, ForceController]:
-    """Return the paper's controllers, which require a Bouc-Wen model instead of the default law."""
+def paper_controllers(preset: str) -> Mapping[str, ForceController]:
+    """Return the controllers of the reference paper, which require the double Bouc-Wen law."""
     return controllers_for(default_fit(preset, "double-bouc-wen").card())
 
 
 @cache
 def score_of(preset: str, target: str, name: str = "recommended") -> Score:
-    made = of_the_paper if name.startswith("paper") else controllers_of
+    made = paper_controllers if name.startswith("paper") else controllers_of
     return followed(LUMPED[preset], made(preset)[name], SCENARIOS[target])
 
 
@@ -110,7 +110,7 @@ def test_largest_force_error_is_limited(preset, target):
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
 def test_largest_feasible_error_is_limited(preset, target):
-    """The paper reports a largest error of 62.5 N at 900 N for its own damper."""
+    """For its own damper and a target of 900 N, the reference paper reports a largest error of 62.5 N."""
     assert greatest(score_of(preset, target)) <= MUST[preset, target][1]
 
 
@@ -121,7 +121,7 @@ def test_feasible_rms_error_is_limited(preset, target):
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
 def test_targets_are_mostly_feasible(preset, target):
-    """Errors on feasible samples are meaningful only if most samples are feasible."""
+    """Errors at attainable target forces mean little if the damper can produce only few target forces."""
     assert score_of(preset, target).feasible_share > 0.5
 
 
@@ -131,7 +131,7 @@ def test_targets_are_mostly_feasible(preset, target):
 @pytest.mark.parametrize(("known", "times"), [("at 20 degC", 4.6), ("pooled", 2.5)])
 def test_unknown_temperature_multiplies_tracking_error(known, times):
     """In the paper, the largest error at 900 N is 4.6 times as large if the temperature is unknown."""
-    blind = controllers_for(blind_card(known))["recommended"]
+    blind = controllers_for(card_without_temperature(known))["recommended"]
     unaware = followed(LUMPED["nominal"], blind, SCENARIOS[SLOW])
     assert greatest(unaware) >= times * greatest(score_of("nominal", SLOW))
 
@@ -147,9 +147,9 @@ def test_rms_error_is_below_paper_controller(preset, target):
     assert rmse(score_of(preset, target)) <= OF_THE_PAPERS[target] * paper
 
 
-# Max chatter (sum of the current changes per second) of the recommended controller, divided by the chatter of
-# the controller in the reference paper. The requirement is 1.2. For the damper ``hard``, the recommended
-# controller reaches 1.27 to 1.31, but its force error is 7 to 14 times smaller.
+# Limits of the chatter (sum of the current changes per second) of the recommended controller, relative to the
+# controller of the reference paper. The damper ``hard`` exceeds the required ratio of 1.2: it reaches 1.27 to
+# 1.31, but its force error is 7 to 14 times smaller.
 CHATTER = {"nominal": 1.2, "stiff": 1.2, "hard": 1.35}
 
 
@@ -165,7 +165,7 @@ def test_coil_power_and_chatter_are_limited(preset, target):
 
 
 def test_paper_controller_reproduces_paper_errors():
-    """The paper reports a largest error of 62.5 N with temperature input and 289.7 N without."""
+    """The paper reports largest errors of 62.5 N with measured temperature and 289.7 N without."""
     assert score_of("stiff", SLOW, "paper").max_N <= 85.0
     assert score_of("stiff", SLOW, "paper-unaware").max_N >= 270.0
 
@@ -178,7 +178,7 @@ def test_stiff_damper_errors_are_below_paper(target):
     assert rmse(ours) <= rmse(paper)
 
 
-# ---------------------------------------------------------------------- robustness: 900 N, damper ``nominal``
+# ---------------------------------------------------- disturbances: target of 900 N, damper ``nominal``
 
 
 def added(controller: ForceController, scenario: Scenario) -> float:
@@ -200,8 +200,8 @@ def test_thermocouple_error_adds_little_tracking_error(off_K):
 def test_unknown_force_gain_adds_limited_error(gain):
     """A controller without a force sensor cannot correct a damper whose force differs by 10 %.
 
-    10 % of the target force is 68 N RMS. A weaker damper adds 61.7 N to the undisturbed error, a stronger
-    damper 64.1 N.
+    A difference of 10 % of the target force is 68 N RMS. A weaker damper increases the error by 61.7 N, a
+    stronger damper by 64.1 N.
     """
     scenario = SCENARIOS[SLOW]
     scenario = replace(scenario, disturbance=replace(scenario.disturbance, force_gain=gain))
@@ -224,7 +224,7 @@ def test_slow_controller_sampling_adds_little_error():
 
 
 def cpu_per_step(job: Callable[[], object], steps: int, bar_s: float) -> float:
-    """Return the CPU time [s] per step, the best of several rounds because the machine can be loaded."""
+    """Return the shortest CPU time [s] per step because other programs can slow the machine down."""
     best = float("inf")
     for _ in range(20):
         best = min(best, taken(job) / steps)
@@ -234,7 +234,7 @@ def cpu_per_step(job: Callable[[], object], steps: int, bar_s: float) -> float:
 
 
 def test_controller_step_in_c_takes_microsecond():
-    """A step of predictive control with a chain card takes 0.7 to 1.1 us, or 2 us if called from Python."""
+    """A step of predictive control with the chain law takes 0.7 to 1.1 us, or 2 us if called from Python."""
     controller, steps = controllers_of("nominal")["recommended"], 5000
     scenario, at = SCENARIOS[UNEVEN], 1e-3 * np.arange(steps)
     kelvin = np.full(steps, 333.15)

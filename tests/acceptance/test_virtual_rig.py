@@ -23,7 +23,7 @@ def test_nominal_damper_has_documented_peak_forces(current, degrees, expected):
 
 @pytest.mark.parametrize(("start", "end"), [(0.0, 2.0), (0.0, 1.0), (1.0, 2.0)])
 def test_force_step_response_takes_13_ms(start, end):
-    """At 30 mm/s, 63 % of the force change is reached 13.5 ms (within 1 ms) after a current step."""
+    """At 30 mm/s, the force needs 13.5 ms (within 1 ms) after a current step for 63 % of its change."""
     plant = Plant(LUMPED["nominal"])
     n = 5000
     # The displacement is constant so that the spring force does not change.

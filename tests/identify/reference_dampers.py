@@ -1,4 +1,4 @@
-"""Dampers with known parameters, and simulated runs of them to recover these parameters from."""
+"""Dampers with known parameters, and simulated runs for fits that recover them."""
 
 from __future__ import annotations
 
@@ -96,7 +96,8 @@ _FORMS: Mapping[str, Mapping[str, ParameterLaw]] = {
         "yield_velocity": _C(3e-3),
         "thinning": _C(0.9),
         "thinning_exponent": _C(0.5),
-        "reference_speed": _C(0.1256637),  # The 99.5th percentile of the speed of the fastest motion above
+        # The 99.5th percentile of the speed of the fastest motion in ``MOTIONS`` [m/s]
+        "reference_speed": _C(0.1256637),
         "gap_stiffness": _C(8e6),
         "leak_damping": _C(2.5e4),
         "gap": _C(1.5e-4),
@@ -112,7 +113,7 @@ REFERENCE_DAMPERS: Mapping[str, Damper] = {
 def simulate_runs(
     damper: Damper, *, noise: float, seed: int, duration: float = 4.0, rate_Hz: float = 500.0
 ) -> tuple[PreparedRun, ...]:
-    """Return prepared runs of a damper: each motion at each current, with noise relative to the force."""
+    """Return a run for each motion and current. ``noise`` is relative to the scatter of the force."""
     rng = np.random.default_rng(seed)
     runs = []
     for label, motion in MOTIONS.items():
@@ -140,7 +141,8 @@ TRUTH = REFERENCE_DAMPERS["bouc-wen"]
 def changed(run: PreparedRun, kind: str, size: float, peak: float = 1.0) -> PreparedRun:
     """Return the run with a measurement error of the given kind and size.
 
-    For ``force_saturation``, the reading is too low by the fraction ``size`` at the force ``peak``.
+    For ``force_saturation``, the measured force is too small by the fraction ``size`` if the true force
+    equals ``peak``.
     """
     force, path = run.force, run.trajectory
     if kind == "force_gain":

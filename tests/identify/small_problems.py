@@ -22,7 +22,7 @@ LINEAR = ("viscosity.value", "stiffness.value", "offset.value")
 def fitted(
     truth: Damper, free: Sequence[FreeParameter], *, noise: float = 0.02, seed: int = 0
 ) -> tuple[FitProblem, SearchResult]:
-    """Return the fit of some parameters of a damper to its own noisy force. All others are fixed."""
+    """Fit parameters of a damper to its own simulated noisy force. All others keep their true values."""
     problem = FitProblem(
         truth,
         tuple(free),

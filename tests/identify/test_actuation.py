@@ -61,7 +61,7 @@ def simulate_runs(
     current: CurrentSteps | RandomCurrent = CURRENT_STEPS,
     motion: Motion = MOTIONS["steps"],
 ) -> PreparedRun:
-    """Return a simulated run with force noise. Its current changes and jumps at samples."""
+    """Return a simulated run with force noise. The simulation has 16 samples per sample of the run."""
     duration = current.duration if isinstance(current, CurrentSteps) else 4.0
     samples, rate_Hz = round(duration * RATE_Hz), OVERSAMPLING * RATE_Hz
     times = np.arange(OVERSAMPLING * (samples - 1) + 1) / rate_Hz
@@ -105,7 +105,7 @@ def errors_of(result: ActuationFit) -> FloatArray:
 
 @pytest.mark.nightly
 def test_identified_lags_are_within_standard_errors():
-    """Of 16 values for four seeds, at most one is beyond three standard errors, and none beyond four."""
+    """At most one of 16 lags (four lags, four seeds) is off by three standard errors, and none by four."""
     deviations = []
     for seed in range(4):
         result = fit_known("slow fall", seed=seed)
@@ -117,7 +117,7 @@ def test_identified_lags_are_within_standard_errors():
 
 @pytest.mark.parametrize("name", KNOWN)
 def test_identified_lags_are_exact_without_noise(name):
-    """The error of the force is small, too."""
+    """In addition, the force error is below 5 % of the error without lags."""
     result = fit_known(name, noise_N=0.0)
     assert lags_of(result.actuation) == pytest.approx(lags_of(KNOWN[name]), rel=0.02, abs=2e-5)
     assert result.rmse_N < 0.05 * result.unlagged_rmse_N
@@ -178,7 +178,7 @@ def test_response_times_are_found_from_random_current():
 
 @pytest.mark.nightly
 def test_fraction_that_follows_current_immediately_is_found():
-    """The fraction of the bristle force that follows at once is found from two starting values."""
+    """The fit finds the known fraction of the bristle force, 0.5, from two starting values."""
     bristles = {"bristle_share": 0.9, "bristle_stiffness": 4e5, "friction_force": 60.0}
     chain = with_constants(REFERENCE_DAMPERS["chain"], **bristles, friction_stiffness=2e5)
     truth = with_actuation(KNOWN["slow rise"], with_constants(chain, follow_share=0.5))
@@ -194,7 +194,7 @@ def test_fraction_that_follows_current_immediately_is_found():
 
 @given(st.integers(0, 2**32 - 1), st.integers(2, 5), st.integers(2, 6))
 def test_error_of_mean_response_time_includes_scatter(seed, kind_count, repeat_count):
-    """The standard error combines scatter (of kinds of steps or of repeats) and a fraction of the mean."""
+    """The error combines 6 % of the mean with the larger scatter, between step kinds or repeated steps."""
     times = np.random.default_rng(seed).uniform(5e-3, 2e-2, (kind_count, repeat_count))
     pairs = [((0, kind), float(time_s)) for kind, row in enumerate(times) for time_s in row]
     mean = mean_time(pairs, 0.06)
@@ -212,7 +212,7 @@ def test_error_of_mean_response_time_includes_scatter(seed, kind_count, repeat_c
 @pytest.mark.nightly
 @pytest.mark.parametrize("play", [0.0, 0.02, 0.08])
 def test_identified_hysteresis_is_within_standard_error(play):
-    """The loop width is correct for eight seeds. A zero width is found as at most its standard error."""
+    """For eight seeds, the fitted loop width deviates by at most four standard errors plus 2 %."""
     damper = with_actuation(KNOWN["slow rise"], hysteresis_width_A=play)
     results = [fit(simulate_runs(damper, seed=seed)) for seed in range(8)]
     errors = np.array([result.standard_errors["hysteresis_width_A"] for result in results])
@@ -225,7 +225,7 @@ def test_identified_hysteresis_is_within_standard_error(play):
 
 
 def test_runs_without_steps_are_rejected():
-    """The message names the missing test. Runs of a damper that ignores the current are rejected as well."""
+    """The message names the missing test. A damper that ignores the current is rejected, too."""
     constant = simulate_runs(LAW, current=CurrentSteps((1.0,), 4.0))
     with pytest.raises(InputError, match=r"no run has a step of the command.*current stepped at mid-stroke"):
         fit(constant)
@@ -238,7 +238,7 @@ def test_runs_without_steps_are_rejected():
 
 
 def test_one_quadrant_driver_is_detected():
-    """The free-wheeling current of such a driver decays as exp(-t / 25 ms) to zero or to its next level."""
+    """The free-wheeling current decays with a time constant of 25 ms to zero or to the next set current."""
     run = simulate_runs(with_actuation(Actuation(0.005, 0.005, 0.001, 0.001)), seed=4)
     path, step_s = run.trajectory, run.trajectory.step
     applied, current = [], 0.0
@@ -255,7 +255,7 @@ def test_one_quadrant_driver_is_detected():
 
 @pytest.mark.nightly
 def test_freewheeling_time_is_identified():
-    """With steps and a random current, the error is at most 2 %. A two-quadrant driver gets no such time."""
+    """The error is at most 2 % with current steps and random current. A two-quadrant driver has time zero."""
     known = Actuation(0.005, 0.001, 0.001, 0.001, hysteresis_width_A=0.05, freewheel_time_s=0.025)
     damper = with_actuation(known)
     runs = [simulate_runs(damper, seed=6), simulate_runs(damper, current=random_current())]
@@ -270,7 +270,7 @@ def test_freewheeling_time_is_identified():
 
 @pytest.mark.nightly
 def test_saturation_and_wide_loop_of_core_are_identified():
-    """Saturation and the wide hysteresis loop are within 10 %. A core without saturation gets neither."""
+    """Saturation and wide hysteresis loop deviate by at most 10 %. Both are zero for a core without them."""
     known = Actuation(
         0.004, 0.005, 0.002, 0.001, hysteresis_width_A=0.04, wide_hysteresis_width_A=0.2, saturation=1.5
     )
@@ -299,7 +299,7 @@ def test_saturation_and_wide_loop_of_core_are_identified():
 
 @pytest.mark.nightly
 def test_saturation_with_freewheeling_is_identified():
-    """The errors are at most 5 % and 10 %. Cross-validation detects the driver even in runs without steps."""
+    """Saturation deviates by at most 10 %. Cross-validation detects the driver in runs without steps, too."""
     known = Actuation(
         0.005, 0.001, 0.001, 0.001, hysteresis_width_A=0.05, freewheel_time_s=0.05, saturation=0.8
     )

@@ -1,4 +1,4 @@
-"""Errors of runs and passivity of dampers are correct for known values."""
+"""Error scores of runs and the passivity number of dampers equal values in closed form."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_error_of_doubled_force_is_half() -> None:
 
 
 def test_energy_per_cycle_is_loop_area() -> None:
-    """A sine is simulated with the reference damper, so that modelled and measured energy are equal."""
+    """The simulated sine has no noise, so the modelled and the measured energy are equal."""
     run = next(
         r
         for r in simulate_runs(REFERENCE_DAMPERS[LAW], noise=0.0, seed=0)
@@ -83,7 +83,7 @@ def test_summary_separates_runs_at_zero_current() -> None:
 
 
 def test_unidentifiable_parameters_are_named_in_notes() -> None:
-    """The yield displacement is passed within one sample, so the runs do not determine n and kappa."""
+    """The damper yields within a sample, so its runs do not determine the Bouc-Wen parameters n and kappa."""
     steep = replace(
         REFERENCE_DAMPERS[LAW], coefficients={**REFERENCE_DAMPERS[LAW].coefficients, "rho": Constant(5e5)}
     )
@@ -99,7 +99,7 @@ def test_unidentifiable_parameters_are_named_in_notes() -> None:
 
 
 def bingham(**values: float | Polynomial) -> Damper:
-    """Return a damper with viscosity and friction, which reverses within 0.1 % of the maximum speed."""
+    """Return a damper with viscosity and friction. Friction is constant above 0.1 % of the maximum speed."""
     forms = {
         name: value if isinstance(value, Polynomial) else Constant(value) for name, value in values.items()
     }
@@ -111,8 +111,9 @@ def bingham(**values: float | Polynomial) -> Damper:
 def test_passivity_number_equals_analytical_values() -> None:
     """The force loop of a viscous damper is an ellipse with pi/4 of the area of the enclosing rectangle.
 
-    A spring, a mass and an offset dissipate no energy but enlarge the rectangle. The spring has the largest
-    effect at full stroke, the mass at 1 % and the offset at 20 % of the stroke.
+    The passivity number is the dissipated energy divided by the area of the rectangle. A spring, a mass and
+    an offset enlarge the rectangle but dissipate no energy. The spring has the largest effect at full stroke,
+    the mass at 1 % of the stroke and the offset at 20 % of the maximum speed.
     """
     runs = simulate_runs(REFERENCE_DAMPERS["bingham"], noise=0.0, seed=0)
     stroke = max(np.abs(run.trajectory.displacement).max() for run in runs)

@@ -1,4 +1,4 @@
-"""Fitted cards with two equal elements have a defined order, and fits to one current require an option."""
+"""A fit sorts interchangeable elements of a law, and a fit to a single current requires an option."""
 
 from __future__ import annotations
 

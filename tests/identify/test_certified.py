@@ -2,8 +2,9 @@
 
 In addition, a fit must not depend on the kernel of the linear algebra library.
 
-Source of data, models, starts and values: NIST Statistical Reference Datasets, nonlinear regression, Misra1a
-to Misra1d (D. Misra, NIST, 1978, dental research, monomolecular adsorption), in the public domain.
+Source of data, models, starting points and certified values: NIST Statistical Reference Datasets, nonlinear
+regression, Misra1a to Misra1d (D. Misra, NIST, 1978, dental research, monomolecular adsorption), in the
+public domain.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ VOLUME = np.array(
 )
 Column = Callable[[float], FloatArray]
 
-# name: (y / b1), derivative with respect to b2, two starts of b1 and b2, certified b1, b2 and residual sum
+# Each problem contains y / b1, its derivative with respect to b2, and two starting points (b1, b2). The last
+# values are the certified b1, b2 and sum of squared residuals.
 PROBLEMS: dict[str, tuple[Column, Column, tuple[tuple[float, float], ...], tuple[float, float, float]]] = {
     "Misra1a": (
         lambda b: 1.0 - np.exp(-b * PRESSURE),
@@ -62,7 +64,7 @@ PROBLEMS: dict[str, tuple[Column, Column, tuple[tuple[float, float], ...], tuple
 
 
 class Certified(Objective):
-    """Objective of one problem. b1 is eliminated like the linear parameters of a law, and b2 is optimised."""
+    """Objective of one problem. The optimiser varies b2, and linear least squares gives b1."""
 
     def __init__(self, column: Column, slope: Column) -> None:
         free = FreeParameter("b2", 1e-6, 1e-2, scale="log")
@@ -73,7 +75,7 @@ class Certified(Objective):
         self.column, self.slope, self.evaluations = column, slope, 0
 
     def sums(self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True) -> FloatArray:
-        """Return the Gram matrices of the derivative by b2, the derivative by b1, and the residual."""
+        """Return the scalar products of the derivatives by b2 and b1 and the residual, a matrix per point."""
         self.evaluations += len(nonlinear)
         sums = []
         for b2, b1 in zip(nonlinear[:, 0].tolist(), linear[:, 0].tolist(), strict=True):
@@ -85,7 +87,7 @@ class Certified(Objective):
 @pytest.mark.parametrize("start", [0, 1])
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_optimiser_reaches_certified_solution(name: str, start: int) -> None:
-    """From both starts of NIST, the parameters agree to six digits and the residual sum to eight."""
+    """From both starting points, the parameters agree to six digits and the squared residuals to eight."""
     column, slope, starts, (b1, b2, squares) = PROBLEMS[name]
     from_b1, from_b2 = starts[start]
     found = Descents(Certified(column, slope), np.log([[from_b2]]), np.array([[from_b1]]), most=150)

@@ -1,4 +1,4 @@
-"""In a campaign, one wrong run is reported with cause and size, and correct runs are not reported."""
+"""The check reports a wrong run of a campaign with cause and size. It does not report correct runs."""
 
 from __future__ import annotations
 
@@ -53,7 +53,6 @@ def with_wrong_run(runs, change):
 
 
 def warnings_by_run(runs):
-    """Return the warnings of ``check --deep`` by run."""
     findings = check(ReadFiles((), (), tuple(runs)), CheckOptions(deep=True)).findings
     return {finding.run: finding for finding in findings if finding.severity != "note"}
 
@@ -68,7 +67,7 @@ def test_run_with_late_force_is_reported(rig_runs):
 
 @pytest.mark.nightly
 def test_wrong_last_run_is_reported():
-    """A fit to all runs follows the wrong run, so other runs deviate. A second fit omits the wrong run."""
+    """A fit to all runs adapts to the wrong run, so correct runs deviate. A second fit omits this run."""
     series = []
     for k, current in enumerate((0.0, 0.7, 1.4, 2.0)):
         motions = ((20, 0.5 + 0.03 * k), (17, 0.7 + 0.02 * k), (13, 0.9 - 0.02 * k), (9 + k, 1.1 + 0.05 * k))
@@ -86,7 +85,7 @@ def test_wrong_last_run_is_reported():
 
 @pytest.mark.nightly
 def test_model_error_of_motion_is_ignored():
-    """Runs with the same command and motion at different temperatures share the same model error."""
+    """The fitted law is inaccurate for a motion at all temperatures, so no single run is wrong."""
     plan = replace(
         PLAN,
         motions=("sine5mm1Hz", "sine3mm2Hz", "nonperiodic"),

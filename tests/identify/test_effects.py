@@ -1,6 +1,6 @@
-"""The size of an error cause in the residuals equals least squares and the known size of the cause.
+"""The estimated size of a measurement error equals its least-squares estimate and its known size.
 
-The residuals are computed with the damper that generated the runs. It is not fitted.
+The estimate uses force residuals of the damper that generated the runs. No damper is fitted.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def test_effect_in_changed_run_has_known_size(clean, kind, number):
     assert effect.size == pytest.approx(SIZES[kind], rel=0.1 if kind == "force_saturation" else 0.03)
     assert effect.fraction > 0.98
     left = (runs[number].force - clean[number].force)[runs[number].scored_from :]
-    if kind != "force_offset_of_run":  # For an offset, only the mean force is relevant.
+    if kind != "force_offset_of_run":  # The mean force is relevant only for an offset.
         left = left - left.mean()
     spread = np.std(runs[number].force[runs[number].scored_from :])
     assert effect.level == pytest.approx(np.sqrt(np.mean(left**2)) / spread, rel=0.03)
@@ -66,7 +66,7 @@ def test_common_force_filter_has_known_time_constant(clean):
 
 
 def stacked(found: ResidualAnalysis, kind: str, factors: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the residual and the columns of the regression on the parameters and one cause."""
+    """Return the force residuals and the regression columns: the parameters and one measurement error."""
     rows, columns = [], []
     for run, factor in zip(found.residuals, factors.tolist(), strict=True):
         root = np.sqrt(run.weight)
@@ -80,7 +80,7 @@ def stacked(found: ResidualAnalysis, kind: str, factors: FloatArray) -> tuple[Fl
 
 @pytest.mark.parametrize("kind", ["force_gain", "force_delay", "command_label", "force_offset_of_run"])
 def test_effect_size_equals_least_squares_estimate(noisy, kind):
-    """The size is the least-squares estimate with parameters and cause, also away from the minimum."""
+    """The size equals the joint least-squares estimate with the parameters, even if these are not optimal."""
     free = ("viscosity.c0", "yield_force.c1", "rho.value")
     found = analyse_residuals(TRUTH, noisy, free)
     one = (np.arange(len(noisy)) == 4).astype(float)
@@ -104,7 +104,7 @@ def test_effect_size_equals_least_squares_estimate(noisy, kind):
             left = run.residual if kind == "force_offset_of_run" else run.residual - run.residual.mean()
             total += (1.0 if factors is one else run.weight) * float(left @ left)
         assert effect.fraction == pytest.approx(gained / scale / total, rel=1e-5)
-        # The standard error assumes a tenth of the samples because neighbouring samples are correlated.
+        # The standard error counts a tenth of the samples because neighbouring samples are correlated.
         count = sum(
             len(run.residual) for k, run in enumerate(found.residuals) if factors is not one or k == 4
         )

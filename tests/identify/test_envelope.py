@@ -1,4 +1,4 @@
-"""The range of validity of a card, notes on runs outside of it, and recognition of training runs."""
+"""The operating envelope contains the motion of all runs, and an evaluation recognises training runs."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def run_of(
 
 
 def test_envelope_contains_motion_of_all_runs() -> None:
-    """For a sine of amplitude a and frequency f, the maxima are a, a 2 pi f, a (2 pi f)^2 and f."""
+    """A sine has the largest displacement a, velocity 2 pi f a, acceleration (2 pi f)^2 a and frequency f."""
     runs = [
         prepare_run(run_of(Sine(4e-3, 2.0), command=0.5, celsius=30.0), NO_SMOOTHING),
         prepare_run(run_of(Sine(9e-3, 0.5), command=1.5), NO_SMOOTHING),

@@ -1,4 +1,4 @@
-"""All fits of one job use the same data and scales, so that parameters are comparable between fits."""
+"""All fits of a job use the same runs and error scale, so their parameters can be compared."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def data() -> FitData:
 
 @pytest.mark.parametrize("law", LAWS)
 def test_final_objective_reproduces_cost_of_quick_fit(data, law) -> None:
-    """On the sample windows of a quick fit, the objective of the final fit has the cost of the quick fit."""
+    """On the same run sections, the final objective equals the cost of the quick fit."""
     evaluator = CandidateEvaluator(data, samples_max=3000)
     terms = {"chain": ("viscosity", "knee")}.get(law, ())
     candidate = Candidate(law, terms)
