@@ -1,4 +1,4 @@
-"""Cross-validation over motions gives the expected error, the force band and standard errors."""
+"""Refits without a motion give the expected error of new runs, the force band and standard errors."""
 
 from __future__ import annotations
 
@@ -36,7 +36,6 @@ BAND = ForceBand(
 
 
 def recorded(name: str, path: Trajectory, force: FloatArray) -> RigRun:
-    """Return a measured run with this motion and force."""
     return RigRun(
         name=name,
         time=path.time,
@@ -48,7 +47,7 @@ def recorded(name: str, path: Trajectory, force: FloatArray) -> RigRun:
 
 
 def fitted(law: str, truth: str, noise: float) -> tuple[FitProblem, SearchResult]:
-    """Return the fit of a law to the runs of a reference damper, which may have a different law."""
+    """Fit a law to runs of the reference damper of the law ``truth``."""
     runs = simulate_runs(REFERENCE_DAMPERS[truth], noise=noise, seed=0)
     damper, free = template(law, runs)
     problem = FitProblem(damper, free, runs)
@@ -65,7 +64,7 @@ def test_expected_error_of_correct_model_is_noise() -> None:
 
 
 def test_force_band_of_wrong_model_covers_new_motion() -> None:
-    """The reference damper has an elastic element that the law lacks. The band contains this error."""
+    """The band contains the error of a law without the elastic element of the reference damper."""
     problem, result = fitted("bingham", "dahl", noise=0.01)
     left = refit_without_folds(problem, result)
     assert left is not None
@@ -78,7 +77,7 @@ def test_force_band_of_wrong_model_covers_new_motion() -> None:
 
 
 def test_standard_errors_of_wrong_model_cover_refits() -> None:
-    """Fits to different motions differ by these standard errors, and by more than uncorrected errors."""
+    """These standard errors cover the changes of parameters between refits. Errors from residuals do not."""
     problem, result = fitted("bingham", "dahl", noise=0.01)
     left = refit_without_folds(problem, result)
     assert left is not None
@@ -96,7 +95,7 @@ def test_standard_errors_of_wrong_model_cover_refits() -> None:
 
 
 def test_force_band_widens_away_from_fitted_motions() -> None:
-    """Half the amplitude has the distance ln 2 = 0.69 from a fitted motion, which has the basic band."""
+    """A motion with half the amplitude has the distance ln 2 = 0.69 from the nearest fitted motion."""
     path, small = (
         drive(Sine(amplitude, 1.0), duration=2.0, rate_Hz=500.0, command=1.0) for amplitude in (8e-3, 4e-3)
     )
@@ -114,10 +113,10 @@ def test_force_band_widens_away_from_fitted_motions() -> None:
 
 
 def test_fit_to_all_motions_has_smaller_error() -> None:
-    """With a wrong law, the fit to all motions has a smaller expected error than the refits without a motion.
+    """If the law is wrong, each motion requires different parameters.
 
-    Each motion requires different parameters because the law is wrong. With the correct law, both errors are
-    equal.
+    The fit to all motions then has a smaller expected error than refits without a motion. With the correct
+    law, both errors are equal.
     """
     shares = {}
     for law in ("bingham", "dahl"):
@@ -131,7 +130,7 @@ def test_fit_to_all_motions_has_smaller_error() -> None:
 
 
 def test_expected_error_matches_burman_correction() -> None:
-    """The reference simulates the fits without a motion and the fit to all runs."""
+    """The expected error agrees with simulations of all refitted dampers on all runs."""
     problem, result = fitted("bingham", "dahl", noise=0.01)
     left = refit_without_folds(problem, result)
     assert left is not None
@@ -181,7 +180,7 @@ def test_single_motion_is_divided_into_time_blocks() -> None:
 
 
 def test_force_band_covers_runs_with_changing_current() -> None:
-    """A model without lag has larger errors at changing current. The wider band contains 90 % of them."""
+    """A model without lag has larger errors at changing current. The widened band contains 90 % of them."""
     model, path = REFERENCE_DAMPERS["dahl"], drive(Sine(0.01, 1.0), duration=6.0, rate_Hz=500.0, command=0.0)
     truth = replace(model, command_lag_s=0.03)
     rng = np.random.default_rng(4)

@@ -1,4 +1,4 @@
-"""Fits to difficult data: noise on the current, forces of extreme size, runs that belong to the fit."""
+"""Fits work with noisy current and with very large forces, and recognise their training runs."""
 
 from __future__ import annotations
 
@@ -49,12 +49,12 @@ def test_noisy_current_is_fitted_as_constant():
     assert re.search(r"\(at most (29|3[0-3]) mA\)", str(told))
 
 
-# Extreme sizes
+# Very large forces
 
 
 @pytest.mark.parametrize("law", one_by_day(["bouc-wen", "double-bouc-wen", "series-valve"]))
 def test_fit_error_is_independent_of_force_size(law):
-    """Forces of 200 kN are fitted as accurately as 1 kN because the bounds are relative to the runs."""
+    """Forces of 200 kN are fitted as accurately as 1 kN because parameter bounds scale with the forces."""
     usual, scaled = (fitting.fit_law(data_of(force=size), law).cost_percent for size in (1.0, 150.0))
     assert scaled == pytest.approx(usual, rel=0.02)
 
@@ -63,7 +63,7 @@ def test_fit_error_is_independent_of_force_size(law):
 
 
 def test_fit_and_card_report_equal_errors():
-    """Fit and card recognise their runs. A run with a known name but another force counts as held out."""
+    """Fit and card recognise their training runs. A training run with changed force counts as held out."""
     found = fitting.fit_law(data_of(), find_law("dahl"))
     runs = list(raw())
     seen = evaluate(found, runs)

@@ -33,7 +33,7 @@ def identify(law: str, seed: int) -> SearchResult:
             free,
             runs,
             settings=FitSettings(rate_Hz=500.0 if law == "chain" else 200.0, samples_per_period=1e9),
-        ),  # The fit uses this sampling rate.
+        ),
         starts=3 if law in ("series-valve", "chain") else 1,
     )
 
@@ -41,8 +41,8 @@ def identify(law: str, seed: int) -> SearchResult:
 def errors_from_the_truth(law: str, seeds: range) -> dict[str, NDArray[np.float64]]:
     """Return the errors of each identifiable parameter for all seeds, in units of its standard error.
 
-    A parameter counts if it is identifiable for most seeds. A decision for each seed would select the seeds
-    whose noise has made the parameter large.
+    A parameter is included if it is identifiable for more than half of the seeds. A decision for each seed
+    would select the seeds whose noise has made the parameter large.
     """
     truth: Damper = REFERENCE_DAMPERS[law]
     off: dict[str, list[float]] = {}
@@ -65,7 +65,8 @@ def test_twenty_noisy_campaigns_recover_parameters(law: str) -> None:
     off = errors_from_the_truth(law, range(20))
     shares = {name: float(np.mean(z < 3.0)) for name, z in off.items()}
     _, free = template(law, simulate_runs(REFERENCE_DAMPERS[law], noise=0.0, seed=0))
-    assert len(shares) > len(free) // 3  # The chain has more parameters, but most of its terms are disabled.
+    # Many parameters of the chain are not identifiable because most of its terms are disabled.
+    assert len(shares) > len(free) // 3
     assert min(shares.values()) >= 0.95, shares
     assert np.mean(list(shares.values())) >= 0.97
 
@@ -73,7 +74,10 @@ def test_twenty_noisy_campaigns_recover_parameters(law: str) -> None:
 @pytest.mark.release
 @pytest.mark.parametrize("law", REFERENCE_DAMPERS)
 def test_two_hundred_noisy_campaigns_recover_parameters(law: str) -> None:
-    """At least 97 % of the estimates are within 3 standard errors, which equal the real scatter."""
+    """At least 97 % of the estimates are within 3 standard errors.
+
+    The standard errors equal the real scatter.
+    """
     off = errors_from_the_truth(law, range(200))
     shares = {name: float(np.mean(z < 3.0)) for name, z in off.items()}
     assert min(shares.values()) >= 0.97, shares
@@ -84,10 +88,10 @@ def test_two_hundred_noisy_campaigns_recover_parameters(law: str) -> None:
 @pytest.mark.nightly
 @pytest.mark.parametrize("law", REFERENCE_DAMPERS)
 def test_fitted_parameters_are_exact_without_noise(law: str) -> None:
-    """Errors are at most 2 %, zero parameters are below 0.1 %, and forces are within 2e-5 of the maximum.
+    """Parameters deviate by at most 2 %, or 0.1 % if they are zero.
 
-    A friction that does not exist is fitted as the smallest allowed value, 1e-5 of the forces. Its stiffness
-    is then arbitrary.
+    A friction that does not exist is fitted as the smallest allowed value, 1e-5 of the largest force. The
+    stiffness of this friction is then arbitrary.
     """
     runs = simulate_runs(REFERENCE_DAMPERS[law], noise=0.0, seed=0)
     greatest = max(float(np.abs(run.run.force).max()) for run in runs)
@@ -168,7 +172,6 @@ def fit_chain(runs: tuple[PreparedRun, ...]) -> SearchResult:
 
 
 def resized(runs: tuple[PreparedRun, ...], stroke: float, force: float) -> tuple[PreparedRun, ...]:
-    """Return runs with scaled strokes and forces at the same times."""
     return tuple(
         prepare_run(
             replace(r.run, displacement=stroke * r.run.displacement, force=force * r.run.force), NO_SMOOTHING
@@ -192,9 +195,9 @@ def test_temperature_dependent_gas_spring_is_recovered() -> None:
 
 @pytest.mark.parametrize("noise", [2e-5, 1e-4])
 def test_displacement_noise_does_not_bias_exponent(noise: float) -> None:
-    """White noise causes false reversals. With smoothing and a dead band, the exponent n = 1.6 is recovered.
+    """Noise causes false reversals. Smoothing and a dead band still give the true exponent n = 1.6.
 
-    Without them, 0.1 mm of noise biases n, and 0.02 mm makes it uncertain.
+    Without smoothing and dead band, 0.1 mm of noise biases n, and 0.02 mm makes n uncertain.
     """
     truth = replace(
         REFERENCE_DAMPERS["bouc-wen"],

@@ -1,4 +1,4 @@
-"""Coefficients of a fitted damper stay valid at all currents and temperatures of its runs."""
+"""No coefficient of a fitted damper becomes negative at the currents and temperatures of its runs."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ ENVELOPE = OperatingEnvelope((0.0, 2.0), (-0.01, 0.01), (-0.1, 0.1), TEMPERATURE
 @pytest.mark.parametrize(
     "form",
     [
-        TemperatureDependent(Constant(50.0), Linear(0.145)),  # This form is negative above 300 K.
+        TemperatureDependent(Constant(50.0), Linear(0.145)),  # Negative above 300 K
         TemperatureDependent(Polynomial((50.0, 10.0)), Linear(0.145)),
-        Polynomial((50.0, -40.0)),  # This form is negative above 1.25 A.
-        Polynomial((10.0, -60.0, 31.0)),  # This form is negative between 0.2 and 1.8 A.
+        Polynomial((50.0, -40.0)),  # Negative above 1.25 A
+        Polynomial((10.0, -60.0, 31.0)),  # Negative between 0.2 and 1.8 A
         Bipolynomial((50.0, -6.0, 10.0, 0.0), 1),
     ],
     ids=repr,
@@ -58,7 +58,7 @@ def test_limits_keep_coefficient_that_vanishes_when_hot() -> None:
 
 
 def test_parameter_without_effect_stays_small() -> None:
-    """A breakaway force that decays below the lowest sampled velocity affects no sample."""
+    """The breakaway force decays below the lowest sampled velocity, so no sample determines the force."""
     time = np.arange(1500) / 500.0
     volts = 0.5 * np.sin(4.0 * np.pi * time)
     speed = np.gradient(volts, time)
@@ -66,7 +66,7 @@ def test_parameter_without_effect_stays_small() -> None:
         Recording(
             name=f"{current:.1f} A",
             time=time,
-            displacement=0.01 * np.round(volts, 5),  # The rounding of a logger makes velocities of zero rare.
+            displacement=0.01 * np.round(volts, 5),  # Rounded like a data logger; few velocities are zero.
             force=980.665 * np.round(strength * np.tanh(speed) + 0.05 * speed, 5),
             command=np.full(len(time), current),
             command_unit="A",

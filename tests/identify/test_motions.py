@@ -1,4 +1,4 @@
-"""The folds of a cross-validation are whole motions, levels of current, or blocks of time."""
+"""Cross-validation holds out whole motions, runs of one current, or sections of a single run."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ def test_each_motion_is_held_out_once() -> None:
 
 
 def test_runs_with_extreme_currents_are_never_held_out() -> None:
-    """The smallest and the largest current are never held out."""
     alike = [RUNS[k] for k in motion_groups(RUNS)[0]]
     levels = sorted(float(run.trajectory.command.mean()) for run in alike)
     held_out = [float(alike[k].trajectory.command.mean()) for fold in folds_of(alike) for k in fold.runs]
@@ -28,7 +27,7 @@ def test_runs_with_extreme_currents_are_never_held_out() -> None:
 
 
 def test_every_window_is_in_one_time_block() -> None:
-    """One run is divided into blocks. Each window is held out by one fold and trains all other folds."""
+    """A single run is divided into sections. Each section is held out once and trained on otherwise."""
     runs = RUNS[:1]
     folds = folds_of(runs)
     damper, free = template("bingham", runs, one_command=True)

@@ -1,4 +1,4 @@
-"""The genetic algorithm computes the cost of a simulation, and is slower and not better than projection."""
+"""The genetic algorithm minimises the simulation error, but variable projection finds a smaller error."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def problem() -> FitProblem:
 def test_genetic_cost_is_simulation_error(problem: FitProblem) -> None:
     ensemble = Ensemble(problem)
     candidates = 0.3 + 0.4 * np.random.default_rng(0).random((3, len(problem.free)))
-    # These parameters are zero: the force does not depend on current.
+    # The value 0.5 means zero: the force does not depend on current.
     candidates[:, [f.name.endswith(("c1", "c2")) for f in problem.free]] = 0.5
-    # These parameters are positive constants.
+    # The value 0.7 means a positive constant.
     candidates[:, [f.name.endswith("c0") for f in problem.free]] = 0.7
     costs = ensemble.costs(candidates)
     for candidate, cost in zip(candidates, costs, strict=True):

@@ -31,7 +31,7 @@ FREE = (
 
 
 def random_campaign(seed: int) -> tuple[Damper, FitProblem, SearchResult]:
-    """Return a damper with random parameters, and the fit to four noisy runs of it."""
+    """Return a damper with random parameters and a fit to four simulated runs with noise."""
     rng = np.random.default_rng(seed)
     values = {
         "rho": np.exp(rng.uniform(*np.log([1200.0, 2700.0]))),
@@ -47,7 +47,6 @@ def random_campaign(seed: int) -> tuple[Damper, FitProblem, SearchResult]:
 
 
 def with_standard_errors(result: SearchResult, **errors: float) -> SearchResult:
-    """Return the result with standard errors that are replaced for these coefficients."""
     estimates = tuple(
         replace(e, standard_error=errors.get(e.name.partition(".")[0], e.standard_error))
         for e in result.estimates
@@ -56,7 +55,7 @@ def with_standard_errors(result: SearchResult, **errors: float) -> SearchResult:
 
 
 def test_posterior_of_linear_regression_is_normal():
-    """Mean and covariance equal the fit and its covariance because the bounds are far away."""
+    """The bounds are far away, so mean and covariance of the samples equal the fit and its covariance."""
     problem, result = linear_problem()
     samples = sample_posterior(problem, result, draws=20_000).values
     errors = np.array([e.standard_error for e in result.estimates])
@@ -67,7 +66,7 @@ def test_posterior_of_linear_regression_is_normal():
 
 
 def test_posterior_samples_match_standard_errors():
-    """A wrong model has larger standard errors between motions, and the samples have the same spread."""
+    """A wrong model has larger standard errors from motion to motion. The samples have the same spread."""
     problem, _ = linear_problem()
     runs = tuple(
         replace(run, force=np.asarray(run.force) * (1.01 if run.run.motion == "harmonics" else 1.0))

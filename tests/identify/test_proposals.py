@@ -1,4 +1,4 @@
-"""Tests that a fit proposes are within the range of the runs and reduce the uncertainty as predicted."""
+"""A fit proposes tests inside the measured range. A proposed test reduces the uncertainty most."""
 
 from __future__ import annotations
 

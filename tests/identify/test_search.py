@@ -1,4 +1,4 @@
-"""Parts of the parameter search agree with independent computations: sums, constraints, bounded steps."""
+"""The objective, the constrained least squares and the optimiser agree with independent computations."""
 
 from __future__ import annotations
 
@@ -74,7 +74,10 @@ def test_gram_matrices_match_central_differences() -> None:
 
 @pytest.mark.parametrize("tangents", [True, False])
 def test_elimination_without_noise_recovers_linear_parameters(tangents: bool) -> None:
-    """From a start that is 1000 times too large, the cost vanishes to rounding."""
+    """The initial parameters are 1000 times too large.
+
+    Elimination still reduces the cost to rounding errors.
+    """
     objective = objective_of(noise=0.0)
     nonlinear, linear = values_of(objective, DAMPER)
     result = objective.eliminate(nonlinear, 1e3 * linear, tangents=tangents)
@@ -139,7 +142,7 @@ Residuals = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 @dataclass
 class LeastSquares:
-    """An objective without linear parameters. Its derivatives have the error factor ``off``."""
+    """Objective without linear parameters. The factor ``off`` falsifies its derivatives."""
 
     residuals: Residuals
     free: tuple[FreeParameter, ...]
@@ -190,7 +193,7 @@ def descents(objective: LeastSquares, points: FloatArray, most: int = 100) -> De
 
 @pytest.mark.parametrize("off", [1.0, 1.01, 1.3, -1.0])
 def test_optimiser_converges_with_inexact_derivatives(off: float) -> None:
-    """Derivatives with a known error are computed again. All starts reach the solution."""
+    """All starting points reach the solution, although the derivatives are wrong by the factor ``off``."""
     result = descents(LeastSquares(decay, DECAY, off), STARTS)
     result.run()
     assert result.converged.all()

@@ -32,8 +32,8 @@ TIME_CONSTANT_s = 0.004
 def blended_run(*, bend_N: float = 0.0, hysteresis_N: float = 0.0) -> tuple[PreparedRun, FloatArray]:
     """Return a run whose force follows each current step with a lag, and its response at each sample.
 
-    ``bend_N`` adds a parabola over position that differs between directions and current levels.
-    ``hysteresis_N`` is added while the present level was reached from above.
+    ``bend_N`` adds a parabola over position that differs between directions and currents. ``hysteresis_N`` is
+    added at a current that was reached from a larger current.
     """
     count = HOLD_SAMPLES * len(LEVELS)
     number = np.arange(count) // HOLD_SAMPLES
@@ -91,7 +91,6 @@ def test_step_response_equals_known_current_lag(bend_N, hysteresis_N):
 
 
 def test_response_size_is_force_difference_between_levels():
-    """The size is the difference of the forces at the two constant currents."""
     run, _ = blended_run()
     for response in measure(run).responses:
         number = response.window.start // HOLD_SAMPLES
@@ -104,7 +103,7 @@ def test_response_size_is_force_difference_between_levels():
 
 
 def test_response_times_of_measured_force_are_reproduced():
-    """A model with exactly the measured force has the measured times. A model without lags has the time 0."""
+    """A model with the measured force has the measured times. A model without lags has response time zero."""
     run, _ = blended_run()
     stepped = measure(run)
     same = model_times([stepped, stepped], [run.force] * 2, SETTINGS)
@@ -119,7 +118,10 @@ def test_response_times_of_measured_force_are_reproduced():
 
 
 def test_crossing_time_of_exponential_is_time_constant():
-    """A response that never reaches 63 % has no time. A response that starts above 63 % has the time zero."""
+    """A response that never reaches 63 % has the time NaN.
+
+    A response above 63 % from the beginning has zero.
+    """
     time = 1e-4 * np.arange(1000)
     assert crossing_time(1.0 - np.exp(-time / 0.01), 1e-4) == pytest.approx(0.01, rel=0.03)
     assert np.isnan(crossing_time(np.full(20, 0.5), 1e-3))

@@ -1,4 +1,4 @@
-"""Temperature dependence in the template of a fit: dependent coefficients, assumptions and recovery."""
+"""The initial damper of a fit has the chosen temperature dependence, and the fit recovers a known one."""
 
 from __future__ import annotations
 
@@ -44,7 +44,10 @@ def run_at(
     name: str = "",
     until: float | None = None,
 ) -> PreparedRun:
-    """Return a noiseless run at a temperature, or warming to ``until`` [degC]. None omits the channel."""
+    """Return a noiseless run at ``celsius`` or warming to ``until`` [degC].
+
+    None omits the temperature channel.
+    """
     path = drive(motion, duration=2.0, rate_Hz=250.0, command=command)
     if celsius is not None:
         end = celsius if until is None else until
@@ -151,7 +154,7 @@ def test_assumed_thinning_force_scales_with_viscosity(factor):
 
 @pytest.mark.parametrize("kind", ["auto", "reynolds"])
 def test_known_temperature_dependence_is_recovered(kind: Temperature) -> None:
-    """Three temperatures determine the parameter of the viscosity and the decrease of the yield force."""
+    """Runs at three temperatures determine how viscosity and yield force depend on temperature."""
     factor = Arrhenius(1435.5) if kind == "auto" else Reynolds(0.012)
     truth = Damper(
         LAWS["bouc-wen"],

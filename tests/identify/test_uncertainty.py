@@ -73,7 +73,7 @@ def test_parameter_covariances_match_weighted_regression(linear):
     )
     small_sample = len(scores) / (len(scores) - 3)
     expected = small_sample * bread @ scores.T @ scores @ bread
-    # The tolerance allows a reversal to shift by one sample.
+    # The tolerance allows each reversal to shift by one sample.
     spread = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert blocks / spread == pytest.approx(expected / spread, abs=0.05)
     clusters = [k // 4 for k in range(len(runs))]
@@ -106,7 +106,7 @@ def test_matrix_inverse_is_independent_of_units(decades):
     right = matrix @ np.ones(5) * units
     assert solve_scaled(scaled, right[:, None])[:, 0] * units == pytest.approx(np.ones(5), rel=1e-8)
     nothing = np.zeros((6, 6))
-    nothing[:5, :5] = scaled  # The last parameter has no effect.
+    nothing[:5, :5] = scaled  # The sixth parameter has no effect.
     assert pseudoinverse(nothing)[:5, :5] / inverse == pytest.approx(np.ones((5, 5)), rel=1e-8)
     assert not pseudoinverse(nothing)[5].any()
 
@@ -121,7 +121,7 @@ def test_errors_between_motions_match_regression(linear):
     groups = motion_groups(problem.runs)
     number = {k: g for g, members in enumerate(groups) for k in members}
     rows = regression(problem, result)
-    # Without the runs of a motion, the normal equations give the parameters of the fit without this motion.
+    # The normal equations without the runs of a motion give the refitted parameters.
     for fold, damper in zip(sorted(groups), folds.dampers, strict=True):
         rest = [k for k in range(len(rows)) if k not in fold]
         if len(rest) == len(rows) - len(fold):
@@ -147,7 +147,7 @@ def test_errors_between_motions_match_regression(linear):
 
 
 def test_force_band_contains_90_percent_of_errors():
-    """The errors are uniform between 0 and the unit width of the band, so 90 % of them are below 0.9."""
+    """The error is uniform between zero and the reference width of the band, so 90 % are below 0.9."""
     rng = np.random.default_rng(0)
     folds = []
     for _ in range(4):

@@ -1,4 +1,4 @@
-"""The fit of a law reaches the global minimum, keeps coefficients valid, and improves any given damper."""
+"""A fit reaches the global minimum, keeps coefficients valid, and never worsens an initial damper."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_cost_is_mean_squared_error_of_runs() -> None:
 
 @pytest.mark.parametrize("rho", [200.0, 1800.0, 2e4])
 def test_fit_never_exceeds_cost_of_given_damper(rho: float) -> None:
-    """Even after one iteration, the cost is at most the cost of the best given damper."""
+    """Even after one iteration, the cost is at most the smallest cost of the initial dampers."""
     problem = replace(problem_of("bouc-wen"), settings=FitSettings())
     start = REFERENCE_DAMPERS["bouc-wen"].with_parameters({"rho.value": rho})
     objective = Objective(problem, problem.windows())

@@ -1,4 +1,4 @@
-"""The sample windows of a quick fit represent the runs: the cost is close to the cost on all samples."""
+"""A quick fit uses selected sections of the runs, whose cost is close to the cost of all samples."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def grid() -> tuple[PreparedRun, ...]:
 
 
 def cost(damper: Damper, windows: Sequence[FitWindow]) -> float:
-    """Return the weighted squared error [%^2] of a damper on the windows."""
+    """Return the weighted squared error [%^2] of a damper in the selected sections."""
     errors = [(simulate(damper, w.drive) - w.force)[w.start :] for w in windows]
     return float(sum(w.weight * e @ e for w, e in zip(windows, errors, strict=True)))
 
@@ -64,7 +64,7 @@ def wrong(damper: Damper) -> Damper:
 
 @pytest.mark.parametrize("campaign", [chirp, growing_amplitude, grid])
 def test_cost_on_sample_windows_approximates_total(campaign) -> None:
-    """A quarter of the samples gives the cost of a damper with model error within 10 %."""
+    """For a wrong damper, a quarter of the samples gives the cost of all samples within 10 %."""
     runs, damper = campaign(), wrong(warm_damper() if campaign is grid else DAMPER)
     every = run_windows(runs, DEFAULT_SETTINGS)
     samples = sum(len(window.force) for window in every)
@@ -74,7 +74,7 @@ def test_cost_on_sample_windows_approximates_total(campaign) -> None:
 
 
 def test_sample_windows_ignore_order_of_runs() -> None:
-    """The same windows with the same weights are selected for any order of the runs."""
+    """The order of the runs changes neither the selected sections nor their weights."""
 
     def content(runs: Sequence[PreparedRun]) -> list[tuple[str, float, float, float]]:
         windows = representative_windows(runs, DEFAULT_SETTINGS, samples_max=2000)
@@ -87,7 +87,7 @@ def test_sample_windows_ignore_order_of_runs() -> None:
 
 
 def test_sample_windows_cover_growing_amplitude() -> None:
-    """Every amplitude of the run is within 30 % of the amplitude of a selected window."""
+    """Every amplitude of the run is within 30 % of the amplitude of a selected section."""
     (run,) = growing_amplitude()
     windows = representative_windows([run], DEFAULT_SETTINGS, samples_max=len(run) / 3)
     selected = np.array([np.ptp(w.drive.trajectory.displacement[w.start :]) for w in windows])
@@ -97,7 +97,7 @@ def test_sample_windows_cover_growing_amplitude() -> None:
 
 @pytest.mark.parametrize("campaign", [chirp, growing_amplitude])
 def test_samples_before_window_restore_hysteresis(campaign) -> None:
-    """Inside a window, the force differs by less than 1 % from the simulation of the whole run."""
+    """The force in a section differs by less than 1 % from the simulation of the whole run."""
     (run,) = campaign()
     for window in representative_windows([run], DEFAULT_SETTINGS, samples_max=len(run) / 4):
         error = (simulate(DAMPER, window.drive) - window.force)[window.start :]

@@ -55,7 +55,7 @@ def test_check_of_correct_runs_gives_exit_code_0(folder):
 
 
 def test_file_named_by_two_paths_is_one_run(folder):
-    """A relative path, a path through another folder and a link that name the same file give one run."""
+    """A relative path, a path through another folder and a link to one file give a single run."""
     file = folder / "spoilt" / "shifted.csv"
     link = folder / "link.csv"
     link.symlink_to(file)
@@ -79,7 +79,7 @@ def test_file_named_by_two_paths_is_one_run(folder):
     ids=["zero", "constant", "two values", "backward", "missing", "huge", "tiny"],
 )
 def test_time_fault_is_only_finding(tmp_path, spoil):
-    """Comparisons between runs and with the frequencies in their names are omitted without correct times."""
+    """With wrong times, runs are not compared with each other nor with the frequencies in their names."""
     columns = columns_of(short_runs()[0])
     columns["time_s"] = spoil(columns["time_s"])
     for name in ("sine 1 Hz.csv", "sine 2 Hz.csv"):

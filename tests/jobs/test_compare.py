@@ -1,4 +1,4 @@
-"""The command ``compare`` writes a page and JSON, and rejects unsuitable cards."""
+"""The command ``compare`` writes a page and JSON. It rejects cards whose current units differ."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ def test_cycles_writes_table_page_and_summary(tmp_path: Path) -> None:
 
 
 def test_grouped_cycles_keep_mean_of_all_cycles(tmp_path: Path) -> None:
-    """Mean, minimum and maximum stay the same if a record has more cycles than the curve has points."""
+    """The mean of all cycles stays exact if a record has more cycles than the curve has points."""
     answer = answer_of(write(tmp_path / "record.parquet", samples=500_001))
     assert (answer["cycles"], answer["group_cycles"]) == (2_499, 2)
     energy = answer["figures"]["energy_J"]

@@ -1,4 +1,4 @@
-"""The job ``evaluate`` returns the errors that a card states and the errors of a card on runs."""
+"""The job ``evaluate`` returns the errors of a card on runs, next to the training errors of the card."""
 
 from __future__ import annotations
 
@@ -27,7 +27,6 @@ def card(tmp_path_factory) -> ModelCard:
 
 
 def run_of(card, amplitude=0.008, gain=1.0):
-    """Return a run with the force of the card, multiplied by a gain."""
     run = make_run(Sine(amplitude, 0.5), duration=6.0)
     run = replace(run, temperature=np.full(len(run), 40.0 + ZERO_CELSIUS_K))
     return replace(run, force=gain * simulate(card.damper, prepare_run(run).trajectory))

@@ -50,7 +50,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def made(folder, tool):
-    """Export all outputs once; all tests of the outputs use this export."""
+    """Export all outputs once for all tests."""
     tool("cc")
     places = ("--c", folder / "c", "--table", folder / "map.csv", "--fmu", folder / "damper.fmu")
     return mrdamper("export", folder / "card.json", *places, "--json")
@@ -138,7 +138,7 @@ def test_export_without_compiler_writes_nothing(folder, tmp_path, monkeypatch):
 
 
 def test_export_fails_if_compiler_changes_table(folder, tool, tmp_path, monkeypatch):
-    """The verification runs the compiled program, and in this test the compiler changes a table."""
+    """The verification runs the compiled program. In this test, a compiler wrapper changes a table."""
     wrapper = tmp_path / "cc"
     wrapper.write_text(
         "#!/bin/sh\n[ -f damper_tables.c ] && sed -i 's/largest = 2.0f/largest = 2.0001f/' damper_tables.c\n"

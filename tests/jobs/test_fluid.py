@@ -23,7 +23,6 @@ STRESS = Carlson(47.9e3).stress(FIELD) * Linear(1.67e-3).value(AT + 273.15)
 
 
 def fluid(tables, *, like="paper", out=None) -> Any:
-    """Run the job ``fluid`` in this process and return its answer."""
     given = {"tables": tables, "like": like}
     return JOBS["fluid"].perform(given, out=out)[1]
 
@@ -46,7 +45,6 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def fitted(folder):
-    """Run the command ``fluid`` once for all tests of its result."""
     tables = (folder / "viscosity.csv", folder / "yield.csv")
     return mrdamper("fluid", *tables, "--out", folder / "out", "--json")
 
@@ -98,7 +96,7 @@ def test_iron_fraction_is_copied_from_like_fluid(folder):
 
 
 def test_valid_range_excludes_pole_of_viscosity_law(tmp_path):
-    """A VFT law with a pole at -35 degC has no value at -40 degC, where the usual range begins."""
+    """A VFT law with a pole at -35 degC has no value at -40 degC, the default minimum temperature."""
     celsius = np.linspace(-20.0, 100.0, 25)
     viscosity = 0.1 * Vft(400.0, 238.0).value(celsius + 273.15)
     write(tmp_path / "cold.csv", "temperature_degC,viscosity_Pas", celsius, viscosity)

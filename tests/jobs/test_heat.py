@@ -30,7 +30,7 @@ pytestmark = pytest.mark.system
 def heating(
     card: Path, damper: Path, *, options: HeatOptions | None = None, out: Path | None = None, **given: Any
 ) -> Any:
-    """Run the job ``heat``, by default with the fastest thermal model, and return its answer as JSON."""
+    """Run the job ``heat``, by default with the fast thermal network, and return its answer as JSON."""
     named = {"card": card, "drawing": damper, **given}
     return JOBS["heat"].perform(named, options or HeatOptions(model="network"), out=out)[1]
 
@@ -44,7 +44,6 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def shown(folder):
-    """Run the command ``heat`` once for all tests of its result."""
     return mrdamper(
         "heat", folder / "card.json", "--damper", PAPER_DRAWING, "--out", folder / "out", "--json"
     )
@@ -92,7 +91,7 @@ def test_heating_without_sink_is_simulated(answer):
 
 
 def test_temperature_limits_refer_to_hottest_points(answer):
-    """The hottest point of a part (fluid, coil, seals) is at least as hot as the mean of the part."""
+    """The hottest points of fluid and coil are at least as hot as the mean of the part."""
     rows = {row["part"]: row for row in answer["without_sink"]["limits"]}
     assert [rows[name]["limit_degC"] for name in ("fluid", "coil", "seals")] == [130.0, 155.0, 150.0]
     for name, mean in (("fluid", "fluid"), ("coil", "coil")):
@@ -102,7 +101,7 @@ def test_temperature_limits_refer_to_hottest_points(answer):
 
 def test_heating_page_has_figures_without_external_files(answer, folder):
     page = (folder / "out" / "heat.html").read_text(encoding="utf-8")
-    assert "fingerprint of its training runs" in page  # The end of the page states the source of the card.
+    assert "fingerprint of its training runs" in page  # The last lines of the page name the card.
     assert "mrdamper 0." in page
     assert re.findall(r'(?:src|href)="https?://', page) == []
     pictures = re.findall(r"<svg.*?</svg>", page, flags=re.DOTALL)
@@ -149,7 +148,7 @@ def test_sink_option_replaces_sink_of_geometry(folder):
 
 
 def test_heating_curve_ends_at_fluid_limit(folder):
-    """The damper has no heat sink, so it is simulated only once."""
+    """The curve without a heat sink ends when the mean fluid temperature reaches 130 degC."""
     bare = changed(folder, "fins = 5", "fins = 0")
     ended: Any = heating(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:3000s", options=HeatOptions())
     past = HeatOptions(past_limit=True)
@@ -159,7 +158,7 @@ def test_heating_curve_ends_at_fluid_limit(folder):
     assert ended["time_to_limit_s"] == pytest.approx(gone_on["time_to_limit_s"], abs=1.0)
     assert (
         ended["time_to_limit_s"] < ended["curve"]["time_s"][-1]
-    )  # The hottest point reaches the limit earlier than the mean temperature.
+    )  # The hottest point reaches the limit before the mean temperature, at which the curve ends.
     early, late = ended["time_to_limit_interval_s"]
     assert early < ended["time_to_limit_s"] < (late or np.inf)
     assert gone_on["curve"]["time_s"][-1] == pytest.approx(3000.0)
@@ -229,9 +228,9 @@ def test_heating_interval_contains_curve_and_time(folder):
 
 @pytest.fixture(scope="module")
 def astray(folder) -> tuple[Path, float]:
-    """Write the first 8 min of the heating curve of a damper that deviates from its geometry file.
+    """Write 8 min of the heating curve of a damper with wrong geometry, and return the path.
 
-    Return the file and the temperature of the damper at the end of the load cycle.
+    The second value is the fluid temperature of this damper after the load cycle.
     """
     drawing = read_drawing(PAPER_DRAWING)
     winding = replace(drawing.coil.material, conductivity=0.8 * drawing.coil.material.conductivity)
@@ -259,7 +258,7 @@ def calibrated(folder, astray) -> Any:
 
 @pytest.mark.nightly
 def test_first_minutes_predict_final_temperature(calibrated, answer, astray):
-    """Calibration with 8 min of data narrows the interval to a fifth; it contains the true temperature."""
+    """Calibration with 8 min of data narrows the interval to a fifth. The prediction is within 2 K."""
     width = {}
     for name, found in (("drawing", answer), ("curve", calibrated)):
         low, high = found["interval"]["low_degC"][-1], found["interval"]["high_degC"][-1]
@@ -283,7 +282,7 @@ def test_calibration_reports_errors_and_correlation(calibrated):
 
 @pytest.mark.nightly
 def test_calibrated_geometry_reproduces_heating_curve(calibrated, folder):
-    """The calibrated file is a geometry file, without the fitted initial temperature."""
+    """``heat`` accepts the calibrated geometry file and reproduces the calibrated curve."""
     assert calibrated["drawing"] == str(folder / "fitted" / "calibrated.toml")
     start = HeatOptions(start_degC=calibrated["calibration"]["start_degC"])
     again: Any = heating(folder / "card.json", folder / "fitted" / "calibrated.toml", options=start)

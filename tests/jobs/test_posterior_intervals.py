@@ -1,8 +1,8 @@
-"""Intervals from posterior samples equal the results of the extreme dampers among these samples.
+"""Intervals from posterior samples end at the results of extreme dampers among these samples.
 
 The posterior has 21 evenly spaced values of one parameter, the viscosity. All tested results are monotonic in
-the viscosity. Therefore the 5th and the 95th percentile are the results of the second smallest and second
-largest value.
+the viscosity. The 5th and 95th percentiles are therefore the results of the second smallest and second
+largest viscosity.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def test_simulated_force_interval_equals_extreme_dampers(folder: Path):
 
 @pytest.mark.parametrize("where", [0.82, 1.0, 1.17])
 def test_force_interval_contains_force_of_sampled_damper(folder: Path, where: float):
-    """The run is from a damper within the range of the samples, but the card was not fitted to it."""
+    """The run is simulated with a viscosity inside the range of the posterior samples."""
     runs = Dataset((a_run(with_viscosity(where * TRUTH.parameters[NAME])),))
     result = mrdamper.evaluate(folder / "card.json", runs, posterior=21)
     (force,) = result.forces
@@ -79,7 +79,7 @@ def test_force_interval_contains_force_of_sampled_damper(folder: Path, where: fl
     assert inside.mean() > 0.95
     assert force.rmse_N[0] <= force.rmse_N[1]
     (viscosity,) = (each for each in result.coefficients if each.name == "viscosity")
-    # Only the coefficient c0 is sampled.
+    # The interval has a constant width because only the coefficient c0 is sampled.
     assert np.ptp(viscosity.high - viscosity.low) == pytest.approx(0.0, abs=1e-6)
     assert (viscosity.high - viscosity.low)[0] == pytest.approx(LEVELS[-2] - LEVELS[1])
 

@@ -76,7 +76,7 @@ def test_card_list_shows_card_or_error(tmp_path):
         assert str(card_line(tmp_path / "card.json")["error"]).startswith("not a readable card")
 
 
-# -------------------------------------------------------------------------------------- stored runs
+# -------------------------------------------------------------------------------------- runs stored for plots
 
 
 def test_stored_run_is_rounded_to_single_precision(file, tmp_path):
@@ -98,7 +98,7 @@ def test_stored_run_is_rounded_to_single_precision(file, tmp_path):
 def test_reduced_samples_keep_extremes_of_intervals(tmp_path):
     run = make_run(duration=20.0, rate_Hz=500.0)
     force = run.force.copy()
-    force[4321] = 9e4  # A single sample is a spike.
+    force[4321] = 9e4  # A spike of a single sample
     lines = [f"{t!r},{1e3 * x!r},{f!r},0.5" for t, x, f in zip(*(
         each.tolist() for each in (run.time, run.displacement, force)), strict=True)]  # fmt: skip
     (tmp_path / "run.csv").write_text("time_s,displacement_mm,force_N,current_A\n" + "\n".join(lines) + "\n")
@@ -117,7 +117,7 @@ def test_reduced_samples_keep_extremes_of_intervals(tmp_path):
     inside = (whole["time_s"] >= 2.0) & (whole["time_s"] <= 3.0)
     assert np.array_equal(part["force_N"], whole["force_N"][inside])
     keep_window(tmp_path / "0.series", tmp_path / "like", most=10, samples_of=tmp_path / "0.series")
-    assert 10 < len(read_series(tmp_path / "like")[1]["time_s"]) <= 64  # At least 64 samples may remain.
+    assert 10 < len(read_series(tmp_path / "like")[1]["time_s"]) <= 64  # The smallest limit is 64 samples.
     with pytest.raises(InputError, match=r"no sample from 30 to None s.*a part of 0 to 20 s"):
         keep_window(tmp_path / "0.series", tmp_path / "none", from_s=30)
 
@@ -146,7 +146,7 @@ def test_model_force_of_stored_run_is_simulated(file, tmp_path):
 
 
 def written(folder, *headers):
-    """Return the channel map that is written for files, each with its own header."""
+    """Write a file for each header and return the channel map that fits these files."""
     for k, header in enumerate(headers):
         write_csv(folder / f"{k}.csv")
         body = (folder / f"{k}.csv").read_text().split("\n", 1)[1]
@@ -179,7 +179,7 @@ def test_written_channel_map_can_be_read(tmp_path):
 
 
 def test_heating_preview_agrees_with_heat(tmp_path):
-    """The preview is the quick curve that a page updates while a user changes values."""
+    """The page updates this preview while a user changes values."""
     card = write_card_of(tmp_path / "card.json")
     quick = QuickHeat()
     fast = quick.curve(card, "paper", amplitude_mm=10.0, command=1.0, duration_s=600.0)
@@ -213,7 +213,7 @@ def test_copied_and_foreign_runs_are_marked(file):
 
 
 def test_edited_geometry_is_written_or_rejected():
-    """An unknown key in the form of the page causes an error."""
+    """A geometry with an unknown key is rejected."""
     facts = damper_facts("paper", "paper")
     drawn = draw_damper("paper", "mine", facts["tables"])
     assert parse_toml(drawn["text"]) == facts["tables"]

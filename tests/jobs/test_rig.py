@@ -1,4 +1,4 @@
-"""The command ``rig`` writes measured runs and their exact values, either all files or none."""
+"""The command ``rig`` writes simulated measurements and their exact values, either all files or none."""
 
 from __future__ import annotations
 
@@ -43,8 +43,6 @@ def answer(folder):
 
 @pytest.fixture
 def run_rig(folder):
-    """Return a function that runs the job ``rig`` in this process and returns its answer."""
-
     def run(out, preset="nominal", *, draw=None, on_progress=None):
         inputs = {"preset": preset, "campaign": folder / "campaign.toml"}
         return JOBS["rig"].perform(inputs, RigOptions(draw=draw), out=out, on_progress=on_progress)[1]
@@ -102,7 +100,7 @@ def test_rig_preset_may_be_file(run_rig, tmp_path):
 
 
 def test_draw_option_randomises_preset(run_rig, tmp_path):
-    """The answer notes that the folder already holds another campaign."""
+    """A second campaign in the same folder causes a note."""
     assert run_rig(tmp_path / "out", "stiff", draw=6)["damper"] == "stiff-6"
     assert read_damper(tmp_path / "out.truth" / "stiff-6.damper.toml") == draw_variant(PRESETS["stiff"], 6)
     (note,) = run_rig(tmp_path / "out", "stiff", draw=8)["notes"]
