@@ -146,7 +146,7 @@ def test_results_of_another_sweep_are_rejected(tmp_path: Path):
 
 def test_sweep_does_not_overwrite_its_card(card: Path, tmp_path: Path):
     """The output folder may contain an input file, which is not replaced."""
-    own = tmp_path / "out" / "sweep.json"  # A sweep writes a file of this name.
+    own = tmp_path / "out" / "sweep.json"  # The sweep would write its results to a file of this name.
     own.parent.mkdir()
     shutil.copy(card, own)
     with pytest.raises(InputError, match="which this job reads"):
@@ -207,7 +207,7 @@ def test_sweep_fits_each_campaign_separately(tmp_path: Path):
 
 @pytest.mark.nightly
 def test_sweep_searches_heat_sink_for_each_damper(card: Path):
-    """The fluid with the best heat sink is cooler than without fins."""
+    """The best heat sink of each damper cools the fluid."""
     found = mrdamper.sweep(card=card, dampers=["paper"], duty=DUTY, workers=1)
     (task,) = found.tasks
     assert task.name == found.plan.tasks[0].name
@@ -245,7 +245,7 @@ def test_sweep_accepts_exactly_one_kind(card: Path, tmp_path: Path):
 
 
 def test_swept_campaigns_have_unique_names(tmp_path: Path):
-    """A name contains as many parent folders as necessary. Files with exact values are not campaigns."""
+    """A campaign is named after its file, and its folder if file names repeat. ``c.truth`` is ignored."""
     for place in ("a/run.csv", "b/run.csv", "c.csv", "c.truth"):
         (tmp_path / place).parent.mkdir(exist_ok=True)
         (tmp_path / place).write_text("t,x\n", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The command ``track`` compares controllers in rows and a page, and rejects unsuitable inputs."""
+"""The command ``track`` compares controllers in a table and a page, and rejects unsuitable inputs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,6 @@ temperature_degC = 60
 
 
 def track(card, options, *, out=None, **inputs):
-    """Return the result of the job ``track``."""
     return JOBS["track"].perform({"card": card, **inputs}, options, out=out)[0]
 
 
@@ -146,7 +145,7 @@ def test_track_writes_page_and_rows(folder):
     assert json.loads((folder / "out" / "track.json").read_text(encoding="utf-8")) == answer
     page = (folder / "out" / "track.html").read_text(encoding="utf-8")
     assert "simulation, not a measurement" in page
-    assert page.count("<svg") == 2  # The page shows the errors versus temperature, and the target.
+    assert page.count("<svg") == 2  # The figures show the errors at each temperature, and the target force.
     table = (folder / "out" / "track.csv").read_text(encoding="utf-8").splitlines()
     assert len(table) == 1 + len(answer["rows"])
 
@@ -182,7 +181,7 @@ def test_card_of_another_damper_is_noted(folder, force, noted):
 
 
 def test_infeasible_default_targets_are_omitted(folder):
-    """For two of three targets, the force at zero current exceeds the target most of the time."""
+    """At two of three targets, the damper force exceeds the target most of the time, even without current."""
     strong = rig_damper(force=20.0)
     thick = replace(strong, coefficients={**strong.coefficients, "viscosity": Constant(1e6)})
     path = write_card_of(folder / "thick.json", thick)

@@ -1,4 +1,4 @@
-"""Dampers whose parameters all deviate from their geometry file, for tests of calibration and intervals."""
+"""Dampers that deviate from their geometry file in all parameters, to test calibration and intervals."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mrdamper.thermal.model.network import NODE_FACTORS, ThermalNetwork, zone_ne
 
 
 def perturbed(base: DamperDrawing, rng: np.random.Generator) -> tuple[ThermalNetwork, float]:
-    """Return the network of a damper with perturbed geometry, and the wrong factor of its power."""
+    """Return the thermal network of a perturbed damper, and the factor between its true and stated power."""
 
     def factor(spread: float) -> float:
         return math.exp(spread * rng.standard_normal())

@@ -1,7 +1,7 @@
-"""Random dampers of many shapes, by seed. Even seeds are used to choose constants, odd seeds for reports.
+"""Random dampers of many shapes, one for each seed.
 
-``python -m tests.thermal.bodies 50`` prints the errors of the reduced model compared with the finite
-elements.
+Model constants were chosen with even seeds, and tests use odd seeds. ``python -m tests.thermal.bodies 50``
+prints the errors of the reduced model compared with the finite elements.
 """
 
 from __future__ import annotations
@@ -43,9 +43,10 @@ class HeatedBody:
 
 
 def draw_body(seed: int) -> HeatedBody:
-    """Return a random damper (diameter 32 to 80 mm, length 120 to 320 mm, up to 15 fins) and its load.
+    """Return a random damper with up to 15 fins, and its thermal load.
 
-    At constant power, the load would heat the insulated damper by 40 to 130 K.
+    The diameter is 32 to 80 mm and the length 120 to 320 mm. At constant power, the load would heat the
+    insulated damper by 40 to 130 K.
     """
     rng = np.random.default_rng(seed)
     outer, length = rng.uniform(0.032, 0.080), rng.uniform(0.120, 0.320)
@@ -92,7 +93,7 @@ def _draw_sink(rng: np.random.Generator, fins: int, outer: float, length: float)
 
 @dataclass(frozen=True)
 class BodyScore:
-    """Largest differences of the reduced model from the finite elements [mK], and its CPU time [s]."""
+    """Largest errors of the reduced model against the finite elements [mK], and its CPU time [s]."""
 
     fluid: float
     gap: float

@@ -26,7 +26,7 @@ DRAWING = read_drawing("paper")
 
 
 def still(gap: float) -> float:
-    """Return the heat-transfer coefficient of fin sides divided by the conductivity of still air [1/m]."""
+    """Return the heat-transfer coefficient of fins in still air divided by the conductivity of air [1/m]."""
     rayleigh = AIR.rayleigh(gap, EXCESS_K) * gap / OUTER
     return float(nusselt_annular_fins(rayleigh, OUTER / TUBE)) / gap
 
@@ -37,10 +37,10 @@ def windy(gap: float, speed: float = 2.0) -> float:
 
 @pytest.mark.parametrize("ratio", [1.2, 2.0, 3.0])
 def test_narrow_fin_gaps_have_developed_flow(ratio):
-    """In potential flow, all air that passes through the fins leaves at the temperature of the fins."""
+    """The reference is the potential flow between two fins. All of this air leaves at the fin temperature."""
     inner = 1.0 / ratio
-    # Pressure and buoyancy are proportional to sin(theta). The pressure is zero at the rim, and the flow is
-    # zero at the tube.
+    # Pressure and buoyancy are proportional to sin(theta). The pressure is zero at the rim, and no air flows
+    # through the tube.
     ring = solve_bvp(
         lambda r, p: np.vstack([p[1], p[0] / r**2 - p[1] / r]),
         lambda at_tube, at_rim: np.array([1.0 - at_tube[1], at_rim[0]]),
@@ -52,12 +52,12 @@ def test_narrow_fin_gaps_have_developed_flow(ratio):
     enters = 2.0 * (1.0 - ring.sol(1.0)[1])
     exact = enters / (
         12.0 * math.pi * (1.0 - inner**2)
-    )  # Flow divided by 12 and by the area of both faces of a fin, in units of (D / 2)^2.
+    )  # The flow is divided by 12 and by the area of both faces of a fin, in units of (D / 2)^2.
     assert float(nusselt_annular_fins(1e-3, ratio)) / 1e-3 == pytest.approx(exact, rel=1e-6)
 
 
 def test_single_fin_disc_agrees_with_pohlhausen():
-    """A disc without tube is divided into strips that are laminar plates, Nu = 0.664 Re^1/2 Pr^1/3."""
+    """The reference sums strips of a disc without tube as laminar plates, Nu = 0.664 Re^1/2 Pr^1/3."""
     nu, pr = float(AIR.kinematic_viscosity), float(AIR.prandtl)
     height = 0.5 * OUTER * (np.arange(4000) + 0.5) / 4000
     chord = np.sqrt(OUTER**2 - 4.0 * height**2)

@@ -73,7 +73,7 @@ def test_calibration_with_exact_curve_is_exact():
 
 @pytest.mark.nightly
 def test_calibration_errors_match_repeated_fits():
-    """The scatter of 60 fits is known to 9 %. The limit is three times this error."""
+    """The scatter of 60 fits has a standard error of 9 %. The limit is three times this error."""
     rise = heated(BARE)
     fits = [calibrate_drawing(measured(rise, seed, noise=0.3), BARE, [work()], DUTY) for seed in range(60)]
     found = np.array([[each.heat_capacity, each.film] for each in fits])
@@ -86,7 +86,7 @@ def test_calibration_errors_match_repeated_fits():
 
 @pytest.mark.nightly
 def test_calibration_recovers_factors_of_reduced_model():
-    """The curve is from the reduced finite-element model, although the thermal network is fitted."""
+    """The curve and the calibration use the reduced finite-element model."""
     own = BARE.calibration
     truth = replace(
         BARE, calibration=replace(own, heat_capacity=1.1 * own.heat_capacity, film=0.9 * own.film)
@@ -115,7 +115,7 @@ def test_calibrated_geometry_predicts_other_load_cycle():
 
 @pytest.mark.system
 def test_power_error_scales_capacity_and_losses():
-    """A card with 10 % more power gives 10 % more capacity and losses, and the same temperatures."""
+    """If the power of the card is 10 % higher, calibration gives 10 % more heat capacity and losses."""
     around = replace(BARE.surroundings, emissivity=0.0, mount=0.0)
     alone = replace(BARE, surroundings=around, coil=replace(BARE.coil, resistance=0.0))
     curve = measured(heated(alone, scale=0.9), 4, noise=0.1)
@@ -126,7 +126,7 @@ def test_power_error_scales_capacity_and_losses():
 
 
 def test_short_heating_curve_keeps_prior_heat_losses():
-    """A curve of one minute hardly depends on the losses, so their factor stays near its prior value."""
+    """A curve of one minute hardly depends on the heat losses, so calibration keeps their prior value."""
     curve = measured(heated(BARE, scale=1.2), 2, noise=0.3, until=60.0)
     found = calibrate_drawing(curve, BARE, [work()], DUTY)
     assert found.film == pytest.approx(BARE.calibration.film, rel=0.15)

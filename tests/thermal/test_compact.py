@@ -1,6 +1,6 @@
 """The compact thermal model with six states agrees with the reduced finite elements and conserves energy.
 
-``python -m tests.thermal.test_compact 20`` prints the errors of this model on random bodies.
+``python -m tests.thermal.test_compact 20`` prints the errors of the compact model for 20 random dampers.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ LATE_S = 15.0  # Gap and coil are compared only from this time after a step of t
 
 @dataclass(frozen=True)
 class CompactScore:
-    """Largest differences from the reduced model [K]: fluid always, gap and coil from 15 s after a step."""
+    """Largest errors against the reduced model [K]. Gap and coil are compared from 15 s after a step."""
 
     fluid: float
     gap: float
@@ -50,7 +50,7 @@ def _constant(watts: float, kelvin: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Course:
-    """Temperatures of the reduced model over successive segments with different surroundings."""
+    """Temperatures of the reduced model during the whole load. ``add`` appends one segment."""
 
     time: list[FloatArray]
     fluid: list[FloatArray]
@@ -150,7 +150,7 @@ def test_compact_model_cools_to_air_temperature(model: CompactModel, step: float
 
 
 def test_compact_coefficients_agree_with_section(model: CompactModel):
-    """The coefficients are exact at table points and within 3 % between. Radiation and mount are exact."""
+    """Heat-transfer coefficients are exact at the points of the table and within 3 % between them."""
     drawing = read_drawing("paper")
     asked = ((288.15, 2.0, 40.0, 1e-9), (270.0, 1.7, 33.0, 0.03), (310.0, 0.0, 70.0, 0.03))
     for ambient, speed, above, rel in asked:
@@ -165,7 +165,7 @@ def test_compact_coefficients_agree_with_section(model: CompactModel):
 
 
 def test_compact_sensor_gains_equal_kalman_gains(model: CompactModel):
-    """The reference is a Kalman recursion from an unknown state, with the unknown heat as a random walk."""
+    """The reference is a Kalman filter in steady state. The unknown heat is modelled as a random walk."""
     found, n = sensor_gains(model), model.states
     power, h = model.capacity[0] * 100.0 / 1800.0, UPDATE_S
     air, kinds = (model.reference, model.air_speed), range(len(model.law))
@@ -188,7 +188,7 @@ def test_compact_sensor_gains_equal_kalman_gains(model: CompactModel):
 
 
 def test_compact_steady_state_agrees_with_elements(model: CompactModel):
-    """The feedthrough contains the steady gradients of coil and gap, which six states cannot represent."""
+    """Six states cannot represent the steady gradients in coil and gap, so outputs also depend on power."""
     found = simulate_compact(model, even(60, 70.0, 15.0), start_K=REFERENCE_K, step=1800.0)
     equation = build_field(read_drawing("paper"), size=0.02).equation
     state = steady_field(equation, Load(1.0, partial(_constant, 70.0), 15.0))

@@ -1,8 +1,8 @@
-"""On random bodies, 90 % intervals (time to a limit, benefit of a heat sink) cover 85 to 95 % of cases.
+"""For random dampers, 90 % intervals of heating time and heat sink gain have a coverage of 85 to 95 %.
 
-``python -m tests.thermal.test_coverage 40 5`` prints both for 40 bodies and 5 samples of each. The seeds are
-odd, so the bodies were not used to choose constants. The reference time is computed by the reduced model of a
-damper with perturbed power, capacity, losses, and conduction of fluid and coil.
+``python -m tests.thermal.test_coverage 40 5`` prints both coverages for 40 dampers with 5 perturbations each.
+The dampers were not used to choose constants because their seeds are odd. The reference time is computed by
+the reduced model of a damper with perturbed power, capacity, losses, and conduction of fluid and coil.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from mrdamper.thermal.sinks.effects import gain_band
 from mrdamper.thermal.temperature_rise import simulate_rise
 from tests.thermal.bodies import HALF_HOUR_S, HeatedBody, draw_body, odd_bodies
 
-_REACHED = 0.7  # Fraction of the time at which the unperturbed body reaches the limit
+_REACHED = 0.7  # The unperturbed damper reaches the limit after this fraction of the load
 _90 = 1.645  # Half width of a 90 % interval of the normal distribution, divided by the standard deviation
 
 
@@ -96,14 +96,14 @@ def hold_times(seed: int, draws: int) -> list[bool]:
 
 
 def another_sink(drawing: DamperDrawing, sink: HeatSink) -> HeatSink:
-    """Return a heat sink with thinner fins, 1.5 times as many, over the same length."""
+    """Return a heat sink with 1.5 times the number of fins, which are thinner and 10 % wider."""
     fins = max(round(1.5 * sink.fins), sink.fins + 1)
     span = max(sink.span, 0.3 * drawing.body.length)
     return replace(sink, fins=fins, thickness=1e-3, pitch=(span - 1e-3) / (fins - 1), width=1.1 * sink.width)
 
 
 def hold_gains(seed: int, draws: int) -> list[bool]:
-    """Return, for each random damper, whether its gain is inside the interval; [] without fins."""
+    """Return, for each random damper with fins, whether the gain of a better sink is inside its interval."""
     body, rng = draw_body(seed), np.random.default_rng(7000 + seed)
     drawing, sink = body.drawing, body.drawing.sink
     if sink is None or sink.fins < 2:
@@ -131,7 +131,7 @@ def hold_gains(seed: int, draws: int) -> list[bool]:
 
 @pytest.mark.release
 def test_heating_intervals_cover_90_percent():
-    """85 to 95 % of the intervals contain the reference, with a tolerance of two standard errors.
+    """The coverage is 85 to 95 %, with a tolerance of two standard errors.
 
     There are about 240 samples of the time to a limit and about 240 of the gain of a heat sink.
     """

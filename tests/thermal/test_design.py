@@ -1,4 +1,4 @@
-"""The search of heat sinks finds the Pareto front within limits, and a better sink than the paper's."""
+"""The heat sink search finds the Pareto front within limits and a better sink than the paper has."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from tests.oracles.freefem import run_freefem, write_freefem
 EXAMPLE = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
 DRAWING, SINK = read_drawing(EXAMPLE), read_sink(EXAMPLE)
 
-# Loads of the paper's damper, as in test_efficiency.py
+# Power [W] of the damper in the reference paper at three temperatures [K], as in test_efficiency.py
 KELVIN, WATTS = np.array([293.15, 353.15, 413.15]), np.array([73.4, 62.0, 53.9])
 DAMPER = HeatedDamper(DRAWING, (Load(1800.0, lambda kelvin: np.interp(kelvin, KELVIN, WATTS), 16.8),))
 PAPER_LIMITS = limits_of(DRAWING, span=0.084)
@@ -91,7 +91,7 @@ def test_finite_elements_confirm_heat_sink_gain(found, reference):
 
 @pytest.mark.nightly
 def test_freefem_confirms_heat_sink_gain(found, tool, tmp_path):
-    """An independent program uses the same section. Its steps of 300 s cause errors of some tenths of 1 K."""
+    """FreeFEM solves the same section. Its steps of 300 s cause errors of some tenths of 1 K."""
     tool("FreeFem++")
     pytest.importorskip("skfem")
     ends = []
@@ -99,7 +99,7 @@ def test_freefem_confirms_heat_sink_gain(found, tool, tmp_path):
         (tmp_path / name).mkdir()
         model = build_field(DRAWING.with_sink(sink), size=0.02)
         ends.append(run_freefem(write_freefem(model, DAMPER.loads[0], tmp_path / name, step=300.0)).fluid[-1])
-    assert ends[0] - ends[1] >= 8.0  # The thermal network and the finite elements agree.
+    assert ends[0] - ends[1] >= 8.0  # The other two models give 8 K, too.
 
 
 def test_designed_sinks_respect_limits(found):
@@ -116,7 +116,7 @@ def test_mass_limit_removes_heavier_sinks(found):
 
 
 def test_sink_evaluation_agrees_with_network(reference):
-    """Longer time steps cause differences of up to 10 mK."""
+    """The search uses longer time steps, which cause differences of up to 10 mK."""
     exact = simulate_network(zone_network(DRAWING), DAMPER.loads, longest_step=10.0)
     assert reference.fluid == pytest.approx(exact.fluid[-1], abs=0.02)
     assert reference.coil == pytest.approx(exact.coil[-1], abs=0.02)
@@ -133,7 +133,7 @@ def test_sinks_of_vertical_damper_have_wide_gaps():
 
 
 def test_sink_gain_interval_contains_gain(reference):
-    """A sink compared with itself has zero gain for any heat transfer. A sink with more fins has a gain."""
+    """The gain of a sink against itself is exactly zero. A sink with more fins has a positive gain."""
     none = gain_band(DAMPER, SINK, SINK, 0.0)
     assert (none.low, none.high, none.better) == (0.0, 0.0, False)
     more = replace(SINK, fins=8, pitch=0.011)

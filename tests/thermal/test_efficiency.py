@@ -17,8 +17,8 @@ from mrdamper.thermal.sinks.effects import body_area, judge_sink, paper_sweeps
 DRAWING = read_drawing("paper")
 SINK = read_sink("paper")
 
-# Power of the virtual rig's preset ``paper`` at 15 mm, 1 Hz and 2 A at three temperatures
-# (tests/thermal/test_paper.py), and the coil of 4.2 ohm.
+# Power [W] of the preset ``paper`` at 15 mm, 1 Hz and 2 A at three temperatures [K] (see
+# tests/thermal/test_paper.py). The coil of 4.2 ohm releases 16.8 W.
 KELVIN, WATTS = np.array([293.15, 353.15, 413.15]), np.array([73.4, 62.0, 53.9])
 LOADS = (Load(1800.0, lambda kelvin: np.interp(kelvin, KELVIN, WATTS), 16.8),)
 
@@ -29,7 +29,7 @@ def sweeps():
 
 
 def test_fin_efficiency_is_largest_at_paper_sizes(sweeps):
-    """The maxima are at 23 mm and four fins, although the temperature decreases with size and number."""
+    """The efficiency is largest at a width of 23 mm and at four fins. Larger sinks are cooler, however."""
     width, fins = sweeps
     assert [effect.sink.width for effect in width.effects] == [0.018, 0.023, 0.028, 0.033]
     assert [effect.sink.fins for effect in fins.effects] == [3, 4, 5]
@@ -39,12 +39,12 @@ def test_fin_efficiency_is_largest_at_paper_sizes(sweeps):
 
 
 def test_five_fins_reduce_rise_like_paper(sweeps):
-    """The reduction is 48.23 %. The network has 1.4 K of 57 K less rise than the finite elements."""
+    """The paper reports 48.23 %. The network deviates from the finite elements by 1.4 K of 57 K."""
     assert 100.0 * sweeps[1].effects[2].rise_reduction == pytest.approx(48.23, abs=2.0)
 
 
 def test_uncorrected_efficiency_has_no_maximum():
-    """Without the film multiplier of the correlation, the efficiency increases monotonically."""
+    """Without the multiplier that was fitted to the paper, the efficiency increases with the fin area."""
     for sweep in paper_sweeps(DRAWING, replace(SINK, film_multiplier=1.0), LOADS):
         assert (np.diff(sweep.efficiency) > 0.0).all()
 

@@ -101,7 +101,7 @@ def test_heated_tube_has_logarithmic_profile():
 
 
 def test_annular_fin_elements_have_exact_efficiency():
-    """The reference is Kern and Kraus (Bessel functions, insulated tip, uniform across the thickness)."""
+    """The reference is the equation of Kern and Kraus (Bessel functions, insulated tip, thin fin)."""
     root, tip, thickness, k, film, power = 0.02, 0.05, 1e-3, 20.0, 60.0, 30.0
     regions = (Region("gap", "gap", 1e6, 1e6, 2e6), Region("fins", "fins", k, 1e5, 2e6))
     blocks = (Block(0, 0.015, root, 0.0, thickness), Block(1, root, tip, 0.0, thickness))
@@ -138,7 +138,7 @@ def test_perfect_conductor_warms_by_power_over_conductance():
 
 @pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE, SLENDER]), ids=["paper", "bare", "slender"])
 def test_element_capacity_equals_network_capacity(drawing: DamperDrawing):
-    """The volumes are sums of annular zones (network) and of triangles of a mesh (finite elements)."""
+    """The network adds volumes of annular zones, the finite elements add volumes of mesh elements."""
     model = build_field(drawing)
     expected = zone_network(drawing).total_capacity
     assert model.section.heat_capacity == pytest.approx(expected, rel=1e-12)
@@ -207,7 +207,7 @@ def test_symmetric_damper_has_symmetric_temperatures(drawing: DamperDrawing):
 
 @pytest.mark.nightly
 def test_contact_resistance_causes_temperature_drop():
-    """The temperature difference between body and fins is heat flow times contact resistance / area."""
+    """The temperature difference is the heat flow times the contact resistance divided by the area."""
     assert SINK is not None
     contact = 4e-4
     with_it = DRAWING.with_sink(replace(SINK, contact=contact))
@@ -272,13 +272,13 @@ def test_minute_steps_of_elements_are_accurate():
     truth = simulate_field(model.equation, [DUTY], longest_step=8.0, first_step=0.25)
     for name in ("fluid", "coil", "wall"):
         at_the_same = np.interp(course.time, truth.time, of(truth, name))
-        late = course.time >= 60.0  # Earlier points of the fine run are too sparse.
+        late = course.time >= 60.0  # The fine simulation has too few points before 60 s.
         assert np.abs(of(course, name) - at_the_same)[late].max() < 50e-3
 
 
 @pytest.mark.nightly
 def test_element_steps_converge_with_second_order():
-    """Equal time steps from a smooth start are halved, while the temperatures still change."""
+    """The step is halved while the temperatures still change, after the transient of the first 300 s."""
     model = build_field(DRAWING, size=0.04)
     warm = simulate_field(model.equation, [Load(300.0, fading, 16.8)]).state[-1]
     ends = [

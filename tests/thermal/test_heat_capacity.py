@@ -62,7 +62,7 @@ def test_capacity_polynomial_in_celsius_is_evaluated():
 
 
 def test_temperature_follows_variable_heat_capacity():
-    """The heat is quadratic if the damper has 900 J/K at 20 degC, rising by 5 J/K^2."""
+    """The capacity is 900 J/K at 20 degC and rises by 5 J/K per kelvin, so the heat is quadratic."""
     model = coarse(paper(WHOLE, fins=False), insulated=True)
     load = replace(LOAD, duration=1200.0, coil_W=0.0)
     course = simulate_field(model.equation, [load])
@@ -83,7 +83,8 @@ def test_reduced_model_includes_variable_capacity(fins: bool):
     assert np.abs(full.hottest("coil") - small.hottest("coil")).max() < 50e-3
     assert max(full.closure, small.closure) < 1e-9
     constant = simulate_field(replace(model.equation, storage=()), [LOAD])
-    assert np.abs(constant.fluid - full.fluid).max() > 0.5  # The effect of the variable capacity is large.
+    # A constant heat capacity gives other temperatures.
+    assert np.abs(constant.fluid - full.fluid).max() > 0.5
 
 
 @pytest.mark.nightly

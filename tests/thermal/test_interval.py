@@ -81,9 +81,9 @@ def score(base: DamperDrawing, count: int, minutes: float, seed: int, place: Pla
 
 @pytest.mark.nightly
 def test_uncalibrated_interval_covers_perturbed_dampers():
-    """The intervals contain at least 85 % of 60 dampers, minus two standard deviations of this fraction.
+    """At least 85 % of 60 dampers are inside the interval, minus two standard deviations of this fraction.
 
-    The width of the intervals is at most twice the required width.
+    The interval is at most twice as wide as the scatter of the dampers requires.
     """
     rng = np.random.default_rng(1)
     found = predict_interval([WORK], BARE, DUTY, rise_of(BARE))
@@ -119,10 +119,10 @@ def test_heating_interval_continues_after_fluid_limit():
 @pytest.mark.nightly
 @pytest.mark.parametrize("base", [BARE, DRAWING], ids=["bare", "fins"])
 def test_ten_minutes_predict_perturbed_dampers(base):
-    """For six dampers with wrong geometry values, the error at 30 min is 2 K and most intervals hold."""
+    """With 10 min of data, the RMS error after 30 min is below 2 K, and most intervals are correct."""
     found = score(base, 6, 10.0, seed=3)
     assert found.rmse < 2.0
-    assert found.inside >= 0.5  # 85 % minus 2.5 standard deviations of this fraction
+    assert found.inside >= 0.5  # The limit is 85 % minus 2.5 standard deviations.
 
 
 @pytest.mark.release
@@ -137,7 +137,7 @@ def test_temperatures_of_perturbed_dampers_are_predicted(base, minutes, most, pl
 
 
 def test_early_interval_depends_on_power_and_capacity():
-    """At first only power and heat capacity matter, and the squares of their deviations add."""
+    """At first, only the deviations of power and heat capacity matter, and their squares add."""
     found = predict_interval([WORK], BARE, DUTY, rise_of(BARE))
     gained = np.interp(60.0, found.time, found.median) - found.median[0]
     width = np.interp(60.0, found.time, found.high - found.low)
@@ -145,7 +145,7 @@ def test_early_interval_depends_on_power_and_capacity():
 
 
 def test_quick_interval_matches_full_interval():
-    """Factors of the temperature rise give the limits of the interval within 2 %."""
+    """The quick interval is the temperature rise times two factors. Its limits agree within 2 %."""
     load = Load(1800.0, power, 4.0 * OHM)
     ((low, high),) = rise_factors(BARE, load, np.array([1800.0]))
     found = predict_interval([WORK], BARE, DUTY, rise_of(BARE))

@@ -1,6 +1,7 @@
-"""Derivatives of the rates in time steps and filters agree with difference quotients.
+"""Jacobians of the thermal models agree with difference quotients of the temperature rates.
 
-A step of ROS2 has second order with any Jacobian, so a wrong Jacobian would not be visible in a simulation.
+Time steps of the method ROS2 have second order with any Jacobian. A simulation would therefore not reveal a
+wrong Jacobian.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ def slope_along(function: Callable[[FloatArray], FloatArray], at: FloatArray, mo
 
 
 def check(system: System, state: FloatArray, seed: int = 0) -> None:
-    """Compare the linearised rate and the solution with (M - c J) with differences of the rate."""
+    """Check that the linearised rate and the solution with (M - c J) agree with differences of the rate."""
     rate, solve = system.linearise(state, SHRUNK_S)
     assert rate == pytest.approx(system.rate(state), rel=1e-12)
     right = np.random.default_rng(seed).standard_normal(state.shape)

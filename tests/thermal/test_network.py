@@ -78,7 +78,7 @@ def test_insulated_network_warms_by_supplied_heat():
         heated = simulate_network(network, [Load(600.0, constant(90.0))])
         mean = heated.temperature[-1] @ network.capacity / network.total_capacity
         assert mean - AMBIENT == pytest.approx(90.0 * 600.0 / network.total_capacity, rel=1e-6)
-        # All nodes warm at the same rate after the internal differences have settled.
+        # Finally, all nodes warm at the same rate.
         late = simulate_network(network, [Load(1800.0, constant(90.0))])
         rate = (late.temperature[-1] - late.temperature[-2]) / (late.time[-1] - late.time[-2])
         assert rate == pytest.approx(90.0 / network.total_capacity, rel=1e-6)
@@ -96,9 +96,9 @@ def test_single_node_follows_formula():
 
 
 def test_fin_node_has_exact_heat_flow(monkeypatch):
-    """Without radiation and with constant heat transfer, the heat flow from body to fin is exact.
+    """With constant heat transfer and without radiation, the heat flow from body to fin is exact.
 
-    The same is true with a contact resistance.
+    This includes fins with contact resistance.
     """
     film = 14.0
     for module in (network_module, surfaces):
@@ -125,10 +125,10 @@ def shell(inner: float, outer: float, conductivity: float, length: float) -> flo
 
 
 def heated(inner: float, outer: float, conductivity: float, length: float, *, cooled_outside: bool) -> float:
-    """Return the resistance from the mean of a uniformly heated annulus to its one cooled face [K/W].
+    """Return the resistance [K/W] between the mean of a uniformly heated annulus and its cooled face.
 
-    The heat generated between the insulated face and a radius flows through this radius. The mean is weighted
-    by area.
+    The other face is insulated. The heat generated between the insulated face and a radius flows through this
+    radius. The mean is weighted by area.
     """
     radius = np.linspace(inner, outer, 4001)
     passing = radius**2 - inner**2 if cooled_outside else outer**2 - radius**2
@@ -142,7 +142,7 @@ def heated(inner: float, outer: float, conductivity: float, length: float, *, co
 
 @pytest.mark.parametrize("through", [True, False])
 def test_network_conductances_agree_with_quadrature(through):
-    """The conductances are radial. A uniformly heated slab has a third of its resistance."""
+    """Radial resistances are integrated over thin rings. A heated layer has a third of its resistance."""
     factors = NodeFactors(fluid_wall=1.3, fluid_core=0.8, coil=1.4, fin_root=1.7)
     sink = HeatSink(fins=3, width=0.02, thickness=2e-3, pitch=0.01, contact=1e-4)
     drawing = replace(
@@ -203,7 +203,7 @@ UPRIGHT = replace(
 
 @pytest.mark.parametrize("drawing", [*(draw_body(seed).drawing for seed in (1, 5, 11)), UPRIGHT])
 def test_network_and_elements_have_equal_losses(drawing):
-    """The losses of each path agree at any temperature. A corrected radius includes the rim of the fins."""
+    """The losses of each heat path agree at any temperature. A corrected fin radius represents the rim."""
     network, model = zone_network(drawing), build_field(drawing, size=0.05)
     equation = model.equation
     for kelvin in network.grid[[60, 90, 140]]:
@@ -259,12 +259,12 @@ def test_network_steps_converge_with_second_order():
     network = zone_network(DRAWING)
     warm = simulate_network(network, [Load(120.0, fading, 16.8)], longest_step=1.0).temperature[
         -1
-    ]  # This is the state after the initial transient.
+    ]  # The initial transient is over.
     load = [Load(960.0, fading, 16.8)]
     exact = simulate_network(network, load, start=warm, longest_step=0.25).fluid[-1]
     errors = []
     for step in (16.0, 8.0, 4.0):
-        # The simulation increases its steps within a load, so loads of one step each give equal steps.
+        # Loads of one step each give equal steps because a simulation increases its steps within a load.
         pieces = [Load(step, fading, 16.8)] * round(960.0 / step)
         state = warm
         heated = heat_up_evenly(network, pieces, state)
@@ -304,7 +304,7 @@ def test_through_rod_network_is_symmetric():
 
 
 def test_network_capacity_equals_masses_by_hand():
-    """The reference is the sum of steel tube with caps, piston and rod, coil (copper, potting), and fluid."""
+    """The reference adds the heat capacities of tube, caps, piston, rod, copper, potting and fluid."""
     drawing = replace(BARE, calibration=replace(BARE.calibration, heat_capacity=1.0))
     ring = lambda a, b: np.pi / 4.0 * (b**2 - a**2)  # noqa: E731
     steel = ring(36, 46) * 200 + 2 * ring(14, 36) * 5  # mm^3

@@ -1,4 +1,4 @@
-"""The heating values of the paper, from the power of the preset ``paper`` and one geometry file.
+"""The power of the preset ``paper`` and a geometry file give the temperatures of the reference paper.
 
 Some statements of the paper about the same run contradict each other. The tests document the contradictions.
 """
@@ -28,7 +28,7 @@ BARE = FINNED.with_sink(None)
 
 
 def rig_work(motion: Sine, current: float = 2.0) -> LoopWork:
-    """Return the work of the virtual rig's preset in the third cycle at each temperature."""
+    """Return the power and the peak force of the virtual rig in the third cycle at each temperature."""
     cycle = round(motion.period / STEP_S)
     time = np.arange(3 * cycle + 1) * STEP_S
     x, v = motion.displacement(time), motion.velocity(time)
@@ -76,10 +76,10 @@ def test_fluid_limit_is_reached_after_thirty_minutes(work):
 
 
 def test_paper_reduction_refers_to_temperature_rise(work):
-    """The reduction of 48.23 % refers to the rise above 20 degC.
+    """The reduction of 48.23 % refers to the temperature rise above 20 degC.
 
-    If it referred to the temperature in degC, the damper without fins would have 148.5 degC after 30 min.
-    This contradicts 140 degC after 35 min because the curve rises.
+    If the reduction referred to degC, the damper without fins would have 148.5 degC after 30 min. This
+    contradicts the 140 degC after 35 min in the paper because the temperature increases with time.
     """
     bare, finned = (rise(work, drawing, 30.0).fluid_degC[-1] for drawing in (BARE, FINNED))
     assert 100.0 * (bare - finned) / (bare - 20.0) == pytest.approx(48.23, abs=0.5)
@@ -88,14 +88,14 @@ def test_paper_reduction_refers_to_temperature_rise(work):
 
 
 def test_paper_temperatures_contradict_five_millimetres(work):
-    """At 5 mm, the damper without fins stays cooler than the paper states with fins. The runs have 15 mm."""
+    """At the stated 5 mm, even the damper without fins is cooler than the paper reports with fins."""
     small = rig_work(Sine(5e-3, 1.0))
     assert rise(small, BARE, 30.0).fluid_degC[-1] == pytest.approx(75.0, abs=1.0)
     assert rise(small, FINNED, 30.0).fluid_degC[-1] == pytest.approx(49.0, abs=1.0)
 
 
 def test_outer_diameter_in_paper_is_radius(work):
-    """The piston does not fit into this diameter, and a damper scaled to it would exceed 200 degC."""
+    """The piston does not fit into a body of 23 mm diameter. A scaled damper would exceed 200 degC."""
     with pytest.raises(InputError, match=r"Is 23 mm the body's radius"):
         replace(BARE, body=replace(BARE.body, outer_diameter=0.023))
     small = replace(
@@ -110,7 +110,7 @@ def test_outer_diameter_in_paper_is_radius(work):
 
 @pytest.mark.parametrize(("width", "least"), [(0.018, 0.98), (0.023, 0.975), (0.028, 0.965), (0.033, 0.95)])
 def test_fin_efficiency_does_not_explain_optimum(width, least):
-    """The fin efficiency is above 95 % for the widths of the paper, with increased heat transfer."""
+    """The fin efficiency is above 95 % for all widths, so it cannot cause the optimum width of the paper."""
     sink = FINNED.sink
     assert sink is not None
     sink = replace(sink, width=width)
@@ -127,7 +127,7 @@ def test_fin_efficiency_does_not_explain_optimum(width, least):
 
 
 def test_still_air_cools_less_than_in_paper(work):
-    """Without a fitted multiplier, the damper with five fins ends 20 K hotter than in the paper."""
+    """Without the fitted multiplier, the damper with five fins is 20 K hotter than in the paper."""
     sink = FINNED.sink
     assert sink is not None
     plain = rise(work, FINNED.with_sink(replace(sink, film_multiplier=1.0)), 30.0)

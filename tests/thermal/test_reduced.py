@@ -34,7 +34,7 @@ def miss(full, reduced, name: str) -> float:
 @pytest.mark.system
 @pytest.mark.parametrize("number", one_by_day(range(4)))
 def test_reduced_model_follows_elements(number: int):
-    """The designs are random, and the load lasts half an hour. No constant was chosen with these designs."""
+    """The load lasts half an hour. The random designs were not used to choose constants of the model."""
     model = build_field(draw_designs(4, seed=2)[number])
     small = reduce_field(model)
     full, reduced = (simulate_field(each.equation, [DUTY]) for each in (model, small))
@@ -55,9 +55,9 @@ def test_reduced_model_follows_forty_designs():
 
 @pytest.mark.nightly
 def test_reduced_model_follows_new_load():
-    """The load has different powers, a pause and a start at 60 degC, which the basis does not include.
+    """The load has other powers, a pause and a start at 60 degC. The reduced basis includes none of them.
 
-    The error of the fluid is largest just after a step of the power, and proportional to this step.
+    The error of the fluid temperature is proportional to a step of the power and largest just after the step.
     """
     model = build_field(DRAWING)
     loads = [Load(400.0, constant(200.0), 0.0), Load(300.0, constant(0.0)), Load(400.0, fading, 50.0)]

@@ -1,4 +1,4 @@
-"""A load cycle and a card give the power, and the power gives the temperature rise, with notes."""
+"""A card and a load cycle give the dissipated power. The power gives the temperature rise."""
 
 from __future__ import annotations
 
@@ -63,7 +63,10 @@ def test_load_cycle_table_has_segment_per_row(tmp_path):
 
 
 def test_equivalent_stroke_moves_same_fluid():
-    """Amplitude times frequency is the mean with rests. The amplitude is weighted by the moved fluid."""
+    """The equivalent sine displaces the mean volume per time.
+
+    Its amplitude is weighted by displaced volume.
+    """
     sines = [(0.015, 1.0, 600.0), (0.004, 5.0, 300.0)]
     segments = [segment_of(Sine(size, hertz), 1.0, seconds) for size, hertz, seconds in sines]
     rest = replace(segments[0], path=None, duration=300.0)
@@ -111,9 +114,9 @@ def test_spring_dissipates_no_power():
 
 
 def test_power_of_aperiodic_motion_is_averaged():
-    """The mean power of two tones is the sum of the powers of both tones.
+    """The mean power of two sines is the sum of the powers of both sines.
 
-    The tolerance is about the error that would occur if the averaging time were half a beat too long.
+    The tolerance is about the error of an averaging time that is half a beat too long.
     """
     tones = Harmonics((0.003, 0.002), (1.0, 1.5), (0.0, 1.0))
     work = tabulate_work(dry_and_viscous(viscous=3000.0), segment_of(tones, 0.0, 600.0))
@@ -196,7 +199,7 @@ def test_card_in_volts_requires_driver_gain():
 
 
 def test_reduced_heating_follows_elements():
-    """The difference is at most 10 mK. The heat balance has the same paths as the network and closes."""
+    """The difference is at most 10 mK. Heat paths are the same as in the network, and energy is conserved."""
     duty = read_duty("sine:15mm:1Hz:2A:600s")
     works = [tabulate_work(temperature_dependent(), segment) for segment in duty.segments]
     rise, zones = (simulate_rise(works, DRAWING, duty, model=model) for model in ("reduced", "network"))

@@ -1,7 +1,7 @@
-"""Heat losses of surfaces equal values computed one by one, with the library ``ht`` where possible.
+"""Heat losses of surfaces equal separate computations, with the library ``ht`` where possible.
 
-The equations of annular fins are solved for each strip, a groove by the radiation between its walls, and the
-moving fluid by its three equations.
+The computations divide annular fins into strips and follow the radiation between the walls of a groove. They
+use the three published equations of the moving fluid.
 """
 
 from __future__ import annotations
@@ -38,7 +38,10 @@ G = 9.80665
 
 
 def published_still(rayleigh: float, ratio: float) -> float:
-    """Return the law of Tsubouchi and Masuda for fins on a tube with 1 / ``ratio`` of their diameter."""
+    """Return the Nusselt number of Tsubouchi and Masuda.
+
+    ``ratio`` is fin diameter divided by tube diameter.
+    """
     share = 1.0 / ratio
     beta = 0.17 * share + math.exp(-4.8 * share)
     c = ((23.7 - 1.1 * (1.0 + 152.0 * share**2) ** 0.5) / (1.0 + beta)) ** (4.0 / 3.0)
@@ -50,7 +53,7 @@ def published_still(rayleigh: float, ratio: float) -> float:
 def published_wind(
     speed: float, gap: float, tube: float, outer: float, nu: float, pr: float, driving: float
 ) -> float:
-    """Return the heat-transfer coefficient of a disc divided by the conductivity [1/m], by strips."""
+    """Return the heat-transfer coefficient of a fin in wind divided by the conductivity of air [1/m]."""
     heat = length = 0.0
     for k in range(annular_fins.STRIP_COUNT):
         y = 0.5 * outer * (k + 0.5) / annular_fins.STRIP_COUNT
@@ -164,9 +167,9 @@ def test_heat_transfer_coefficients_equal_hand_computation(law, speed, altitude)
 def sent_back_and_forth(
     emissivities: tuple[float, float], areas: tuple[float, float], opening: float
 ) -> float:
-    """Return the fraction of a black body's radiation that leaves a groove, per area of the walls.
+    """Return the emitted radiation of a groove relative to black walls, summed over reflections.
 
-    The walls have one mean emissivity and exchange radiation uniformly, reflection by reflection.
+    All walls have the mean emissivity and exchange radiation uniformly.
     """
     walls = sum(areas)
     mean = sum(e * a for e, a in zip(emissivities, areas, strict=True)) / walls
@@ -197,7 +200,7 @@ def test_groove_radiation_agrees_with_reflections(finish):
 
 @given(amplitude=st.floats(5e-4, 0.1), frequency=st.floats(0.05, 20.0), gap=st.floats(5e-4, 3e-3))
 def test_moving_fluid_conductances_match_published_equations(amplitude, frequency, gap):
-    """These are Stephan's slit, penetration into renewed fluid, and half of the displaced fluid."""
+    """The references are Stephan's slit, penetration into renewed fluid, and half of the displaced fluid."""
     k, heat, piston, gap_area, long, chamber, width = 0.3, 1.9e6, 8e-4, 1.1e-4, 0.07, 0.06, 0.011
     channel = Channel(gap, gap_area, piston, long, chamber, width, k, heat)
     found = conduct_fluid(channel, Stroke(amplitude, frequency))
