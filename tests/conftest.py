@@ -1,11 +1,11 @@
 """Test tiers (fast, system, nightly, release), and fixtures for programs and real runs.
 
-A test is in the tier of its marks: ``release``, ``nightly``, ``system``, or ``fast`` without a mark. A test
-that requests a program (fixture ``tool``) is in ``system`` at least. A test that lacks a tool or the data is
-skipped, and fails with ``MRDAMPER_REQUIRE_TOOLS=1`` (as in ``.ci/run``).
+The marks of a test define its tier: ``release``, ``nightly``, ``system``, or ``fast`` without a mark. A test
+that requires a program (fixture ``tool``) is at least in ``system``. A test is skipped if its program or data
+are missing. With ``MRDAMPER_REQUIRE_TOOLS=1`` (as in ``.ci/run``), the test then fails.
 
-Property tests draw new examples in every run. A failing example is kept in ``.hypothesis`` and tried first.
-``--hypothesis-profile=nightly`` draws eight times as many.
+Property tests generate new examples in every run. A failing example is stored in ``.hypothesis`` and tried
+first. ``--hypothesis-profile=nightly`` generates eight times as many examples.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from xdist.scheduler import LoadScopeScheduling  # type: ignore[import-untyped]
 from mrdamper.runtime import pool
 
 os.environ["MPLBACKEND"] = "Agg"
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # Two workers use both cores.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # The tests run in one process per core.
 
-gc.disable()  # Almost all objects that are created during the collection exist until the end.
+gc.disable()  # Most objects that the collection creates exist until the end of the session.
 
-# nohup disables these signals, but processes that the tests start must receive them.
+# nohup disables SIGINT and SIGHUP. Processes inherit this, but the tests send these signals to them.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
-# A deadline would fail because of a loaded machine, which is not a fault of the code.
+# Examples have no time limit because other programs can slow the machine down.
 settings.register_profile("usual", max_examples=12, deadline=None, print_blob=True)
 settings.register_profile("nightly", settings.get_profile("usual"), max_examples=100)
 settings.load_profile("usual")
@@ -60,7 +60,7 @@ def _do_without(reason: str) -> None:
 
 @pytest.fixture(autouse=True)
 def _signals_stay() -> Generator[None]:
-    """Restore the signal handlers after each test because commands that run in this process replace them."""
+    """Restore the signal handlers after each test because commands in this process replace them."""
     kept = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     yield
     for each, handler in kept.items():
@@ -70,7 +70,7 @@ def _signals_stay() -> Generator[None]:
 
 @pytest.fixture(scope="session")
 def tool() -> Callable[[str], Path]:
-    """Return a function that finds a program, or skips the test (fails where tools are required)."""
+    """Return a function that finds a program. A test without its program is skipped or fails."""
 
     def find(name: str) -> Path:
         found = shutil.which(name)
@@ -83,7 +83,7 @@ def tool() -> Callable[[str], Path]:
 
 @pytest.fixture(scope="session")
 def real_data() -> Path:
-    """Return the folder of real runs (``dev/``, ``raw/``), or skip (fail where tools are required)."""
+    """Return the folder of real runs (``dev/``, ``raw/``). A test without this folder is skipped or fails."""
     named = os.environ.get("MRDAMPER_DATA", "")
     if not named:
         _do_without("MRDAMPER_DATA does not name the folder of real runs")
@@ -117,7 +117,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_finish() -> None:
-    """Let the garbage collector ignore the collected tests, and start it with rare passes."""
+    """Exclude the collected tests from garbage collection, which then runs rarely."""
     gc.freeze()
     gc.set_threshold(20_000, 20, 50)
     gc.enable()
@@ -147,7 +147,7 @@ def _one_core_in_fast_tests(request: pytest.FixtureRequest, monkeypatch: pytest.
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Report a skipped test as failed if tools are required and it was skipped for a missing tool or data."""
+    """Report a test that was skipped for a missing program or data as failed if tools are required."""
     report = yield
     needs_something = any(item.get_closest_marker(mark) for mark in _MARK_OF_FIXTURE.values())
     if report.skipped and not hasattr(report, "wasxfail") and needs_something and _tools_are_required():

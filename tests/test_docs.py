@@ -1,12 +1,13 @@
 """Commands and code in the documentation run and print the output that the pages show.
 
-Every page runs from top to bottom in a separate folder. A ``console`` block is run line by line: each command
-must end with status 0 (or N, if a comment ``% exit: N`` precedes the block) and print the lines below it,
-with equal words and numbers within 3 % (``% tolerance: 10 %``). ``...`` matches any lines. A ``python`` block
-runs in the namespace of the page. A ``code-block`` with a file name as its caption is written to that file.
-Every page except ``start.md`` starts with the card of ``start.md``. Blocks marked ``% long: reason`` run in
-``make test-nightly``, and blocks marked ``% data: reason`` with measured data. ``% needs: PROGRAM`` names a
-program that a block calls.
+Every page runs from top to bottom in a separate folder. In a ``console`` block, each command must end with
+status 0 and print the lines below the command. Words must be equal and numbers agree within 3 %. ``...``
+matches any lines. A ``python`` block runs in the namespace of the page. A ``code-block`` whose caption is a
+file name is written to this file. Every page except ``start.md`` begins with the results of ``start.md``.
+
+Comments before a block change these rules. ``% exit: N`` and ``% tolerance: 10 %`` state another status and
+tolerance. ``% long: reason`` moves the block to ``make test-nightly``, and ``% data: reason`` to tests with
+measured data. ``% needs: PROGRAM`` names a program that the block calls.
 """
 
 from __future__ import annotations
@@ -157,11 +158,11 @@ def difference(shown: Sequence[str], printed: str, tolerance: float) -> str:
 def follow(
     page: Path, blocks: Sequence[Block], folder: Path, *, also: str = "", tool: Tool | None = None
 ) -> None:
-    """Run blocks of a page in a folder. The message of a failure has the line number in the page.
+    """Run blocks of a page in a folder. Messages of failures contain the line number in the page.
 
-    Blocks marked long or data run only if ``also`` names their mark.
+    A block with the comment ``long`` or ``data`` runs only if ``also`` is the same word.
     """
-    name = f"page_{page.stem}"  # A dataclass needs the module that defines it.
+    name = f"page_{page.stem}"  # A dataclass in a python block must find its module in ``sys.modules``.
     if page != START:
         sys.modules.pop(name, None)
     namespace = sys.modules.setdefault(name, ModuleType(name)).__dict__
@@ -224,7 +225,7 @@ def run_python(block: Block, namespace: dict[str, Any], place: str) -> None:
 
 @pytest.fixture(scope="module")
 def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with the results of the start page up to its card."""
+    """Return a folder with the results of the start page up to the fitted card."""
     folder = tmp_path_factory.mktemp("laboratory")
     shutil.copytree(ROOT / "examples", folder / "examples", ignore=shutil.ignore_patterns("__pycache__"))
     with contextlib.chdir(folder):
@@ -233,7 +234,7 @@ def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def blocks_before_the_others() -> int:
-    """Return the number of blocks of the start page that run before all other pages."""
+    """Return the number of blocks in the first part of the start page."""
     before, mark, _ = START.read_text(encoding="utf-8").partition(_LAST_OF_START)
     assert mark, f"{START.name} has no line {_LAST_OF_START!r}"
     return len(blocks_of(before))

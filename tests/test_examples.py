@@ -67,12 +67,12 @@ def test_real_damper_example_is_accurate(real_data):
 
 @pytest.mark.nightly
 def test_custom_law_example_is_fitted():
-    """The measured error is 4.8 %. The fit takes 50 s of CPU time because a law in Python is slow."""
+    """The fitted error is 4.8 %. The fit takes 50 s of CPU time because a law in Python is slow."""
     assert number(r"error ([\d.]+) %", said_by("custom_law.py")) < 6.0
 
 
 def test_rheometer_example_selects_arrhenius():
-    """The decrease of the viscosity agrees with docs/fluid.md."""
+    """From 20 to 100 degC, the viscosity decreases by 69.4 %, as docs/fluid.md states."""
     said = said_by("rheometer_fit.py")
     assert said.startswith("arrhenius")
     assert number(r"arrhenius .* falls by ([\d.]+)", said) == pytest.approx(69.4, abs=0.1)
@@ -109,7 +109,7 @@ def test_quarter_car_example_improves_comfort_and_load():
 
 @pytest.mark.nightly
 def test_quarter_car_example_accepts_card(card):
-    """The card is from a bench test. A larger current reduces the suspension travel."""
+    """The car example also runs with a card. A larger current reduces the suspension travel."""
     said = said_by("quarter_car.py", card)
     rattle = [float(found) for found in re.findall(r"rattle space ([\d.]+) mm", said)]
     assert rattle[1] < rattle[0]

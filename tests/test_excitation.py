@@ -36,8 +36,8 @@ motions = st.one_of(
 
 @given(motion=motions, t=st.floats(0.0, 10.0))
 def test_velocity_is_derivative_of_displacement(motion, t):
-    """Central differences with 1 % of the shortest period agree within their second-order error."""
-    fastest = 2 * np.pi * 80.0  # A chirp continues to sweep after its end.
+    """Central differences with 1 % of the shortest period have an error of second order."""
+    fastest = 2 * np.pi * 80.0  # The frequency of a chirp also changes after its duration.
     h = 0.01 / fastest
     slope = (motion.displacement(t + h) - motion.displacement(t - h)) / (2 * h)
     bend = (motion.velocity(t + h) - motion.velocity(t - h)) / (2 * h)
@@ -56,7 +56,7 @@ def test_sine_conserves_oscillator_energy(amplitude, frequency, t):
 
 
 def test_chirp_reaches_first_and_last_frequency():
-    """The phase advances by the mean frequency times the duration, here 80.25 cycles."""
+    """The mean frequency of 8.025 Hz during 10 s gives 80.25 cycles."""
     chirp = Chirp(0.002, 1.0, 15.05, 10.0)
     t = np.linspace(0.0, 10.0, 200_001)
     x = chirp.displacement(t)
@@ -129,7 +129,7 @@ def test_motion_is_parsed_from_text(text, motion):
 # ------------------------------------------------------------------------------------------- current steps
 
 
-def test_current_steps_hold_levels():
+def test_current_stays_constant_between_steps():
     steps = CurrentSteps((0.5, 2.0, 1.0), hold=0.8)
     assert steps.current([-5.0, 0.0, 0.79, 0.8, 1.59, 1.6, 99.0]).tolist() == [0.5, 0.5, 0.5, 2, 2, 1, 1]
     assert steps.duration == pytest.approx(2.4)
@@ -137,8 +137,8 @@ def test_current_steps_hold_levels():
 
 
 @given(samples=st.integers(1, 400), rate=st.sampled_from([500.0, 1000.0, 10_000.0]), count=st.integers(1, 30))
-def test_sample_at_current_switch_has_next_level(samples, rate, count):
-    """Levels last a whole number of samples. Rounding of the sample times does not change the level."""
+def test_sample_at_current_step_has_new_current(samples, rate, count):
+    """Currents last for a whole number of samples. Rounding errors of time do not change the current."""
     steps = CurrentSteps(tuple(range(count)), hold=samples / rate)
     expected = np.repeat(np.arange(count), samples)
     assert np.array_equal(steps.current(np.arange(count * samples) / rate), expected)
@@ -149,7 +149,7 @@ def test_sample_at_current_switch_has_next_level(samples, rate, count):
 
 @pytest.mark.system
 def test_road_has_power_of_its_class():
-    """In each octave far above the corner, the periodogram agrees with the power of Gd(n0) (n / n0)^-2."""
+    """At high wavenumbers, the power in each octave agrees with the spectrum Gd(n0) (n / n0)^-2."""
     from scipy.signal import periodogram
 
     road = Road("C", speed=20.0, seed=5)
@@ -180,7 +180,7 @@ def test_random_current_is_independent_of_duration():
     t = np.arange(-0.5, 400.0, 1e-3)
     current = random.current(t)
     changes = np.flatnonzero(np.diff(current)) * 1e-3
-    # The first or last level can occur twice in succession.
+    # Zero or the highest current may occur twice in succession, which hides one change.
     assert np.diff(changes).min() >= 0.02 - 1.5e-3
     assert np.median(np.diff(changes)) == pytest.approx(np.sqrt(0.02 * 0.3), rel=0.1)
     assert np.all(current[t <= 0.0] == current[0])

@@ -81,7 +81,7 @@ LOCKS = ("requirements.lock", "requirements-test.lock")
 
 
 def lock_entries(name: str) -> dict[str, str]:
-    """Return the entries of a lock file by distribution, each with its continuation lines."""
+    """Return the entries of a lock file by package name. Continuation lines are joined."""
     joined = re.sub(r"\\\n", " ", text_of(ROOT / name))
     entries = [line for line in joined.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     return {normalised(re.split(r"[=\s]", entry, maxsplit=1)[0]): entry for entry in entries}
@@ -117,7 +117,7 @@ def test_lock_files_cover_all_requirements():
 
 
 def test_no_package_imports_public_interface(files):
-    """Import contracts cannot follow imports through ``mrdamper``. Only ``card.py`` may import it."""
+    """The import linter cannot follow imports through ``mrdamper``. Only ``card.py`` may import it."""
     package = ROOT / "src" / "mrdamper"
     rooms = {path.stem for path in package.iterdir()} | {"__version__"}
     through_the_face = [

@@ -1,6 +1,6 @@
-"""Texts have plain technical English: words, openings of comments, and lengths of sentences are limited.
+"""Texts are plain technical English, with limits for rare words, prepositions and long sentences.
 
-``tests/support/language_limits.txt`` lists the packages above the limits, with their present values.
+``tests/support/language_limits.txt`` lists the packages above the limits, with their measured values.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def package_of(path: Path) -> str:
 
 
 def comments_of(source: str, tree: Iterable[ast.AST]) -> Iterator[str]:
-    """Generate the comments outside of multi-line strings. A comment in a line follows two blanks."""
+    """Generate the comments outside of multi-line strings. Two blanks separate code and comment."""
     inside: set[int] = set()
     for node in tree:
         if isinstance(node, ast.Constant | ast.JoinedStr) and node.end_lineno != node.lineno:

@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def cpu_ms(*command: str, repeats: int = 3) -> float:
-    """Return the minimum CPU time of a command in several runs [ms], which excludes noise."""
+    """Return the minimum CPU time of repeated calls of a command [ms]. The minimum excludes noise."""
 
     def once() -> float:
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -66,7 +66,7 @@ def test_public_name_can_be_imported(name):
 
 
 def test_version_follows_git_tag(tmp_path):
-    """After a tag, the version contains the number of commits. CITATION.cff has the version of the tag."""
+    """The version is the git tag, or later the next version. CITATION.cff states the version of the tag."""
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     without = _version_of(tmp_path)
     assert re.search(
@@ -90,7 +90,6 @@ def test_version_follows_git_tag(tmp_path):
 
 
 def _version_of(root: Path) -> str:
-    """Return the version that a build of ``root`` has."""
     found = subprocess.run(
         [sys.executable, "-m", "setuptools_scm", "--root", "."],
         cwd=root, env=os.environ | {"GIT_CEILING_DIRECTORIES": str(root.parent)}, check=True,
@@ -119,7 +118,7 @@ def test_source_archive_builds_working_wheel(tmp_path):
     run(*pip, "install", "--no-deps", "--target", str(tmp_path / "there"), str(wheel), folder=tmp_path)
     assert (tmp_path / "there" / "mrdamper" / "py.typed").is_file()
     code = "import mrdamper; print(mrdamper.__file__); mrdamper.rig(campaign='short').dataset.plot()"
-    # The option -S ignores .pth files. Otherwise an editable installation would be imported.
+    # The option -S ignores .pth files, so the editable installation of this repository is not imported.
     where = os.pathsep.join((str(tmp_path / "there"), sysconfig.get_path("purelib")))
     ran = subprocess.run(
         [sys.executable, "-S", "-c", code],

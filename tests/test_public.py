@@ -81,14 +81,14 @@ FRAMES_TO_LOOPS = """
 import mrdamper
 fit = mrdamper.fit([low, high], law="bouc-wen")
 fit.plot()
-"""  # A script needs at most 4 lines for this task.
+"""  # The task needs at most 4 lines.
 
 LOGGER_TO_CONTROLLER = """
 import mrdamper
 runs = mrdamper.read("logger.csv", {"displacement_mm": "Pos", "force_kN": "Load", "current_A": "Coil"})
 card = mrdamper.fit(runs, "bouc-wen").card()
 proved = card.export(c="controller")
-"""  # A script needs at most 6 lines for this task.
+"""  # The task needs at most 6 lines.
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +141,7 @@ def test_card_has_method_for_each_job():
 
 
 def test_public_functions_match_declarations():
-    """`make interface` writes the functions again after a declaration has changed."""
+    """If this test fails, run ``make interface``, which writes the functions from the declarations."""
     assert FILE.read_text(encoding="utf-8").endswith(interface())
     assert {*PUBLIC_NAMES, "read"} <= {*mrdamper.__all__}
 
@@ -164,7 +164,7 @@ NAMED_OPTION = re.compile(r"(?:mrdamper ([a-z]+)[^.;()]*? )?(?<![^\s(`])(--[a-z]
 NAMED_FUNCTION = re.compile(r"\bmrdamper\.(\w+)(?![\w.:])")
 CLI_ONLY = ("--out", "--resume", "--json", "--write-map")
 READERS = tuple(name for name, job in JOBS.items() if "channels" in [field.name for field in job.reading])
-# Commands that print the messages of a package; messages of other packages name their command
+# Commands that print the messages of a package. Messages of all other packages name their command.
 COMMANDS_OF = {
     "cli": ("serve",),
     "web": ("serve",),
@@ -173,7 +173,7 @@ COMMANDS_OF = {
     "report/identification": ("fit",),
     "jobs/sweep": ("sweep",),
 }
-# The texts in these files name no command.
+# Texts in these modules name no command.
 OTHER_TEXTS = ("registry/__init__.py", "cli/commands.py", "report/base.py")
 
 
@@ -181,7 +181,7 @@ def message_texts(path: Path) -> Iterator[str]:
     """Generate the string literals of a module except docstrings. Formatted values are replaced by {}."""
     source = path.read_text(encoding="utf-8")
     if not NAMED_OPTION.search(source):
-        return  # Parsing takes most of the time.
+        return  # Parsing takes most of the time of this test.
     tree = ast.parse(source)
     skipped = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     for node in ast.walk(tree):
@@ -201,20 +201,20 @@ def printed_texts() -> Iterator[tuple[tuple[str, ...], str]]:
         packages = [package for package in COMMANDS_OF if module.startswith(f"{package}/")]
         own = (path.stem,) if path.stem in JOBS else ()
         for text in message_texts(path):
-            # Declarations of options and module paths are not messages. Other tests check the help.
+            # Names of options and modules are not messages.
             if not (re.fullmatch(r"--[\w-]+|[\w.:]+", text) or module in OTHER_TEXTS):
                 yield COMMANDS_OF[packages[0]] if packages else own, text
 
 
 @cache
 def options_of(command: str) -> dict[str, str]:
-    """Return the options of a command with the names of their parameters."""
+    """Return the options of a command, each with the name of its parameter."""
     made = cli.commands[command]
     return {flag: each.name or "" for each in made.get_params(click.Context(made)) for flag in each.opts}
 
 
 def test_options_named_in_messages_exist():
-    """Each option in a message is an option of the command and a keyword of the function with this name."""
+    """Each option in a message exists on the command line, and as a keyword of the Python function."""
     checked = set()
     for printed_by, text in printed_texts():
         for command, option in NAMED_OPTION.findall(text):

@@ -102,7 +102,7 @@ def test_only_listed_modules_open_connections():
 
 
 def test_tests_named_in_security_page_exist():
-    """The page names a test for each guarantee as path::name."""
+    """The page names a test for each guarantee, as a path and a name."""
     text = (ROOT / "SECURITY.md").read_text(encoding="utf-8")
     named = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", text)
     assert len(named) > 20

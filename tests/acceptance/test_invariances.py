@@ -209,7 +209,7 @@ def test_file_units_hardly_change_fitted_model(case: Case, fitted: FitResult, tm
     assert_close(fitted, case.fit(runs), error_percent=0.1, parameter_percent=1.0)
 
 
-def test_flip_force_corrects_sign_of_load_cell(case: Case, fitted: FitResult, tmp_path: Path) -> None:
+def test_flip_force_option_corrects_load_cell_sign(case: Case, fitted: FitResult, tmp_path: Path) -> None:
     """Runs with reversed force and the option ``flip_force`` give the same model as the original runs."""
     runs = written(case.runs, tmp_path, force_sign=-1.0)
     assert_close(fitted, case.fit(runs), error_percent=0.1, parameter_percent=1.0)

@@ -80,14 +80,14 @@ DAMPERS_AND_LAWS = [(preset, law) for preset in ("nominal", "hard") for law in (
     ("preset", "law", "bar_N"),
     [("nominal", SELECTED, 25.0), ("hard", SELECTED, 35.0), ("nominal", PLAIN, 25.0), ("hard", PLAIN, 45.0)],
 )
-def test_error_of_trained_sine_is_limited(preset, law, bar_N):
+def test_error_of_training_sine_is_limited(preset, law, bar_N):
     """The limit is 25 to 45 N. The reference paper reports 65.2 to 72.6 N for a different damper."""
     errors = errors_of(preset, law)
     assert {t: round(errors["sine5mm1Hz", t], 1) for t in TRAINED if errors["sine5mm1Hz", t] > bar_N} == {}
 
 
 @pytest.mark.parametrize(("preset", "bar_N"), [("nominal", 35.0), ("hard", 55.0)])
-def test_errors_of_trained_motions_are_limited(preset, bar_N):
+def test_errors_of_training_motions_are_limited(preset, bar_N):
     errors = errors_of(preset, SELECTED)
     beyond = {
         (m, t): round(errors[m, t], 1) for m in TRAINED_MOTIONS for t in TRAINED if errors[m, t] > bar_N
@@ -163,7 +163,7 @@ def test_model_without_temperature_is_accurate_when_cold(preset):
 
 
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
-def test_paper_fit_method_has_larger_errors(preset):
+def test_fit_method_of_paper_has_larger_errors(preset):
     """The paper fits a Bouc-Wen model with polynomials of temperature to one sine by a genetic algorithm."""
     training, _ = default_campaign(preset).split(Campaign().hold_out)
     sines = [run for run in training if run.name.endswith("_sine5mm1Hz")]
@@ -248,7 +248,7 @@ def peak_of(damper: Damper, degrees: float) -> float:
 
 
 @pytest.mark.parametrize("thermal_motion_run", [True, False], ids=["motion trained", "motion not seen"])
-def test_card_loses_force_as_paper_states(thermal_motion_run):
+def test_force_loss_of_card_agrees_with_paper(thermal_motion_run):
     """In a motion of 15 mm and 1 Hz, the card loses as much force with temperature as the paper reports.
 
     The limit is 1 percentage point if the campaign contains this motion. Otherwise the card extrapolates: the
@@ -347,7 +347,7 @@ def test_fit_from_one_start_is_fast(law, bar_s, seeds):
 # ---------------------------------------------------------------------- fit to a single motion
 
 
-def test_cost_matches_errors_with_one_motion():
+def test_cost_of_single_motion_fit_equals_errors():
     """One motion leaves parameters undetermined, but the fit rejects a friction that is far too large."""
     runs = [run for run in default_campaign("nominal") if "sine5mm1Hz" in run.name]
     model = mrdamper.fit(runs, BETTER, hold_out=("*_060C_*",))

@@ -109,18 +109,18 @@ def test_largest_force_error_is_limited(preset, target):
 
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
-def test_largest_feasible_error_is_limited(preset, target):
+def test_largest_error_of_attainable_force_is_limited(preset, target):
     """For its own damper and a target of 900 N, the reference paper reports a largest error of 62.5 N."""
     assert greatest(score_of(preset, target)) <= MUST[preset, target][1]
 
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
-def test_feasible_rms_error_is_limited(preset, target):
+def test_rms_error_of_attainable_force_is_limited(preset, target):
     assert rmse(score_of(preset, target)) <= MUST[preset, target][2]
 
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
-def test_targets_are_mostly_feasible(preset, target):
+def test_damper_attains_most_target_forces(preset, target):
     """Errors at attainable target forces mean little if the damper can produce only few target forces."""
     assert score_of(preset, target).feasible_share > 0.5
 
@@ -142,7 +142,7 @@ def test_causal_controller_adds_little_tracking_error(preset, target):
 
 
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
-def test_rms_error_is_below_paper_controller(preset, target):
+def test_rms_error_is_below_controller_of_paper(preset, target):
     paper = rmse(score_of(preset, target, "paper"))
     assert rmse(score_of(preset, target)) <= OF_THE_PAPERS[target] * paper
 
@@ -171,7 +171,7 @@ def test_paper_controller_reproduces_paper_errors():
 
 
 @pytest.mark.parametrize("target", TARGETS)
-def test_stiff_damper_errors_are_below_paper(target):
+def test_stiff_damper_errors_are_below_paper_controller(target):
     ours, paper = score_of("stiff", target), score_of("stiff", target, "paper")
     assert ours.max_N <= paper.max_N
     assert greatest(ours) <= greatest(paper)

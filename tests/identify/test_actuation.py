@@ -177,7 +177,7 @@ def test_response_times_are_found_from_random_current():
 
 
 @pytest.mark.nightly
-def test_fraction_that_follows_current_immediately_is_found():
+def test_immediate_fraction_of_force_is_identified():
     """The fit finds the known fraction of the bristle force, 0.5, from two starting values."""
     bristles = {"bristle_share": 0.9, "bristle_stiffness": 4e5, "friction_force": 60.0}
     chain = with_constants(REFERENCE_DAMPERS["chain"], **bristles, friction_stiffness=2e5)
@@ -211,7 +211,7 @@ def test_error_of_mean_response_time_includes_scatter(seed, kind_count, repeat_c
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("play", [0.0, 0.02, 0.08])
-def test_identified_hysteresis_is_within_standard_error(play):
+def test_identified_hysteresis_deviates_by_few_standard_errors(play):
     """For eight seeds, the fitted loop width deviates by at most four standard errors plus 2 %."""
     damper = with_actuation(KNOWN["slow rise"], hysteresis_width_A=play)
     results = [fit(simulate_runs(damper, seed=seed)) for seed in range(8)]
@@ -224,7 +224,7 @@ def test_identified_hysteresis_is_within_standard_error(play):
 # Runs without usable steps
 
 
-def test_runs_without_steps_are_rejected():
+def test_lag_fit_without_current_steps_is_rejected():
     """The message names the missing test. A damper that ignores the current is rejected, too."""
     constant = simulate_runs(LAW, current=CurrentSteps((1.0,), 4.0))
     with pytest.raises(InputError, match=r"no run has a step of the command.*current stepped at mid-stroke"):

@@ -155,7 +155,7 @@ def said(result: SearchResult, problem: FitProblem, word: str) -> list[str]:
     return [each for each in remarks(result, problem.runs) if word in each]
 
 
-def test_notes_report_interrupted_fit_and_active_damper(truth) -> None:
+def test_notes_report_interruption_but_no_passive_damper(truth) -> None:
     problem, result = truth
     assert said(result, problem, "not passive") == said(result, problem, "interrupted") == []
     assert len(said(replace(result, cancelled=True), problem, "The fit was interrupted")) == 1

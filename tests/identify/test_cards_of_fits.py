@@ -20,7 +20,7 @@ from tests.identify.reference_dampers import REFERENCE_DAMPERS, simulate_runs
 LAW = REFERENCE_DAMPERS["bouc-wen"]
 
 
-def test_interchangeable_elements_have_one_order() -> None:
+def test_interchangeable_elements_are_sorted() -> None:
     truth = REFERENCE_DAMPERS["double-bouc-wen"]
     quick, slow = truth.coefficients["rho"], truth.coefficients["second_rho"]
     strong, weak = truth.coefficients["yield_force"], truth.coefficients["second_force"]

@@ -84,7 +84,7 @@ def test_wrong_last_run_is_reported():
 
 
 @pytest.mark.nightly
-def test_model_error_of_motion_is_ignored():
+def test_model_error_is_not_reported_as_fault():
     """The fitted law is inaccurate for a motion at all temperatures, so no single run is wrong."""
     plan = replace(
         PLAN,
@@ -181,7 +181,7 @@ def test_duplicate_of_held_out_run_is_reported(noisy):
         ("force_bandwidth", 0.02, "common_bandwidth", "filtered at about 8 Hz"),
     ],
 )
-def test_common_lag_of_runs_is_one_finding(noisy, cause, size, kind, words):
+def test_common_lag_of_runs_is_reported_once(noisy, cause, size, kind, words):
     (finding,) = find_deviations(TRUTH, [changed(run, cause, size) for run in noisy])
     assert (finding.run, finding.kind) == ("", kind)
     assert finding.size == pytest.approx(size, rel=0.2)
@@ -203,7 +203,7 @@ def test_wrong_runs_of_one_cause_are_grouped(noisy, cause, kind, size, value):
 
 
 @pytest.mark.parametrize(("rise", "word"), [(0.2, "grows"), (-0.2, "falls")])
-def test_gain_that_changes_steadily_is_campaign_drift(noisy, rise, word):
+def test_steadily_changing_gain_is_reported_as_drift(noisy, rise, word):
     order = np.random.default_rng(7).permutation(len(noisy))
     ramp = np.linspace(-0.5, 0.5, len(noisy))
     runs = [changed(noisy[k], "force_gain", rise * factor) for k, factor in zip(order, ramp, strict=True)]

@@ -40,7 +40,7 @@ def noisy() -> tuple[PreparedRun, ...]:
 
 @pytest.mark.parametrize("kind", SIZES)
 @pytest.mark.parametrize("number", [1, 7])
-def test_effect_in_changed_run_has_known_size(clean, kind, number):
+def test_estimated_measurement_error_has_known_size(clean, kind, number):
     most = max(float(np.abs(run.force).max()) for run in clean)
     runs = list(clean)
     runs[number] = changed(runs[number], kind, SIZES[kind], most)
@@ -58,7 +58,7 @@ def test_effect_in_changed_run_has_known_size(clean, kind, number):
     assert found.levels[number] == pytest.approx(own / spread, rel=1e-6, abs=1e-9)
 
 
-def test_common_force_filter_has_known_time_constant(clean):
+def test_estimated_force_filter_has_known_time_constant(clean):
     lagged = [changed(run, "force_bandwidth", 0.02, 1.0) for run in clean]
     assert analyse_residuals(TRUTH, lagged).common_effect("force_bandwidth").size == pytest.approx(
         0.02, rel=1e-6
@@ -79,7 +79,7 @@ def stacked(found: ResidualAnalysis, kind: str, factors: FloatArray) -> tuple[Fl
 
 
 @pytest.mark.parametrize("kind", ["force_gain", "force_delay", "command_label", "force_offset_of_run"])
-def test_effect_size_equals_least_squares_estimate(noisy, kind):
+def test_measurement_error_equals_least_squares_estimate(noisy, kind):
     """The size equals the joint least-squares estimate with the parameters, even if these are not optimal."""
     free = ("viscosity.c0", "yield_force.c1", "rho.value")
     found = analyse_residuals(TRUTH, noisy, free)

@@ -40,7 +40,7 @@ def test_final_objective_reproduces_cost_of_quick_fit(data, law) -> None:
     assert final.costs_of([fitted.damper])[0] <= cost * (1.0 + 1e-9)
 
 
-def test_parameter_bounds_do_not_depend_on_windows(data) -> None:
+def test_parameter_bounds_are_independent_of_sample_count(data) -> None:
     """Bounds, starting values and fixed constants are equal for any number of samples."""
     few, many = (
         CandidateEvaluator(data, samples_max=n).problem(Candidate("chain", ())) for n in (1000, 1_000_000)

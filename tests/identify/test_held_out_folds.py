@@ -112,7 +112,7 @@ def test_force_band_widens_away_from_fitted_motions() -> None:
     assert card_from_json(card_to_json(card(force_band=band))).force_band == band
 
 
-def test_fit_to_all_motions_has_smaller_error() -> None:
+def test_fit_to_all_motions_beats_refits() -> None:
     """If the law is wrong, each motion requires different parameters.
 
     The fit to all motions then has a smaller expected error than refits without a motion. With the correct

@@ -151,7 +151,7 @@ def test_added_friction_and_mass_are_recovered() -> None:
 
 
 @pytest.mark.parametrize(("stroke", "force"), [(0.05, 4e-2), (20.0, 400.0)])
-def test_scaled_chain_damper_is_fitted_equally_well(stroke: float, force: float) -> None:
+def test_damper_of_any_size_is_fitted(stroke: float, force: float) -> None:
     """Bounds and starting values scale with stroke and force, from 20 N at 0.5 mm to 200 kN at 200 mm."""
     truth = REFERENCE_DAMPERS["chain"]
     here = fit_chain(simulate_runs(truth, noise=NOISE, seed=1))

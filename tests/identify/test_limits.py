@@ -42,7 +42,7 @@ def test_friction_stays_positive_in_envelope(form: ParameterLaw) -> None:
     assert any("friction_force" in note for note in notes)
 
 
-def test_limits_keep_coefficient_that_vanishes_when_hot() -> None:
+def test_limits_do_not_change_coefficient_near_zero() -> None:
     vanishing = TemperatureDependent(Constant(50.0), Linear((1.0 - 1e-7) / (TEMPERATURES_K[1] - 293.15)))
     damper = replace(
         CHAIN,

@@ -26,7 +26,7 @@ def test_runs_with_extreme_currents_are_never_held_out() -> None:
     assert sorted(held_out) == levels[1:-1]
 
 
-def test_every_window_is_in_one_time_block() -> None:
+def test_each_run_section_belongs_to_one_fold() -> None:
     """A single run is divided into sections. Each section is held out once and trained on otherwise."""
     runs = RUNS[:1]
     folds = folds_of(runs)

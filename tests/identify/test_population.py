@@ -22,7 +22,7 @@ def problem() -> FitProblem:
     return FitProblem(damper, free, runs, settings=FitSettings(rate_Hz=1e4, samples_per_period=1e9))
 
 
-def test_genetic_cost_is_simulation_error(problem: FitProblem) -> None:
+def test_genetic_algorithm_minimises_simulation_error(problem: FitProblem) -> None:
     ensemble = Ensemble(problem)
     candidates = 0.3 + 0.4 * np.random.default_rng(0).random((3, len(problem.free)))
     # The value 0.5 means zero: the force does not depend on current.

@@ -99,8 +99,8 @@ def test_posterior_samples_stay_inside_bounds():
     assert columns["yield_force.value"].min() >= 0.0
 
 
-def test_force_interval_covers_reference_force():
-    """The 90 % interval contains the force of the reference damper in most of ten campaigns."""
+def test_power_interval_covers_reference_power():
+    """The 90 % interval contains the mean power of the reference damper in most of ten campaigns."""
     motions: list[Motion] = [Harmonics((4e-3, 2e-3), (0.9, 3.1), (0.2, 1.0)), Sine(8e-3, 1.4)]
     paths = [drive(motion, duration=2.0, rate_Hz=250.0, command=1.0) for motion in motions]
 

@@ -85,7 +85,7 @@ def test_elimination_without_noise_recovers_linear_parameters(tangents: bool) ->
     np.testing.assert_allclose(result.linear, linear, rtol=1e-4, atol=0.02)
 
 
-def test_eliminated_parameters_are_stationary() -> None:
+def test_eliminated_parameters_minimise_cost() -> None:
     """For given nonlinear parameters, a change of any linear parameter increases the cost."""
     objective = objective_of()
     nonlinear = np.array([[1800.0, -0.5, 1.4]])

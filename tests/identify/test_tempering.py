@@ -109,7 +109,7 @@ class Oil:
     valid_K: tuple[float, float] = (263.15, 403.15)
 
 
-def test_assumed_dependence_is_marked_and_constant():
+def test_assumed_temperature_dependence_is_marked_and_fixed():
     runs = campaign((None,))
     plain, free = template("bouc-wen", runs)
     damper, moved = template("bouc-wen", runs, fluid=Oil())

@@ -114,7 +114,7 @@ def test_matrix_inverse_is_independent_of_units(decades):
 # Errors between held-out motions
 
 
-def test_errors_between_motions_match_regression(linear):
+def test_standard_errors_between_motions_match_regression(linear):
     problem, result = linear
     folds = refit_without_folds(problem, result)
     assert folds is not None
@@ -178,7 +178,7 @@ def validated(squares: FloatArray) -> ValidatedCandidate:
     return ValidatedCandidate(fitted, (), squares, np.full(len(folds), 1.0 / len(folds)), folds, folds, 0.0)
 
 
-def test_gain_between_candidates_uses_paired_t():
+def test_candidates_are_compared_by_paired_t_test():
     """The statistic is Student's t of the differences of the errors, as computed by SciPy."""
     first, second = np.random.default_rng(0).uniform(1.0, 4.0, (2, 6))
     gain, statistic = validated(first).gain_relative_to(validated(second))

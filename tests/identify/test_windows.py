@@ -63,7 +63,7 @@ def wrong(damper: Damper) -> Damper:
 
 
 @pytest.mark.parametrize("campaign", [chirp, growing_amplitude, grid])
-def test_cost_on_sample_windows_approximates_total(campaign) -> None:
+def test_selected_run_sections_give_total_cost(campaign) -> None:
     """For a wrong damper, a quarter of the samples gives the cost of all samples within 10 %."""
     runs, damper = campaign(), wrong(warm_damper() if campaign is grid else DAMPER)
     every = run_windows(runs, DEFAULT_SETTINGS)
@@ -73,7 +73,7 @@ def test_cost_on_sample_windows_approximates_total(campaign) -> None:
     assert np.sqrt(cost(damper, windows)) == pytest.approx(np.sqrt(cost(damper, every)), rel=0.1)
 
 
-def test_sample_windows_ignore_order_of_runs() -> None:
+def test_selected_run_sections_ignore_run_order() -> None:
     """The order of the runs changes neither the selected sections nor their weights."""
 
     def content(runs: Sequence[PreparedRun]) -> list[tuple[str, float, float, float]]:
@@ -86,7 +86,7 @@ def test_sample_windows_ignore_order_of_runs() -> None:
     assert content(runs) == content(runs[::-1])
 
 
-def test_sample_windows_cover_growing_amplitude() -> None:
+def test_selected_run_sections_cover_all_amplitudes() -> None:
     """Every amplitude of the run is within 30 % of the amplitude of a selected section."""
     (run,) = growing_amplitude()
     windows = representative_windows([run], DEFAULT_SETTINGS, samples_max=len(run) / 3)
@@ -96,7 +96,7 @@ def test_sample_windows_cover_growing_amplitude() -> None:
 
 
 @pytest.mark.parametrize("campaign", [chirp, growing_amplitude])
-def test_samples_before_window_restore_hysteresis(campaign) -> None:
+def test_samples_before_run_section_restore_hysteresis(campaign) -> None:
     """The force in a section differs by less than 1 % from the simulation of the whole run."""
     (run,) = campaign()
     for window in representative_windows([run], DEFAULT_SETTINGS, samples_max=len(run) / 4):

@@ -78,7 +78,7 @@ def test_file_named_by_two_paths_is_one_run(folder):
     ],
     ids=["zero", "constant", "two values", "backward", "missing", "huge", "tiny"],
 )
-def test_time_fault_is_only_finding(tmp_path, spoil):
+def test_time_fault_suppresses_other_findings(tmp_path, spoil):
     """With wrong times, runs are not compared with each other nor with the frequencies in their names."""
     columns = columns_of(short_runs()[0])
     columns["time_s"] = spoil(columns["time_s"])

@@ -68,7 +68,7 @@ def test_export_answer_names_files_and_verification(made, folder):
     }  # fmt: skip
 
 
-def test_all_exported_outputs_share_one_verification(made, folder):
+def test_all_exported_files_state_same_verification(made, folder):
     record = json.loads((folder / "c" / "verification.json").read_text(encoding="utf-8"))
     assert {path.name for path in (folder / "c").iterdir()} == FILES
     assert list(folder.rglob(".*")) == []

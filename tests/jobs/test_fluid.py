@@ -88,7 +88,7 @@ def test_flux_density_and_field_give_same_law(fitted, folder):
     assert by_field["value"] == pytest.approx(by_flux["value"], rel=1e-6)
 
 
-def test_iron_fraction_is_copied_from_like_fluid(folder):
+def test_iron_fraction_is_copied_from_similar_fluid(folder):
     (folder / "iron.toml").write_text('like = "paper"\n[properties]\nparticle_fraction = 0.22\n')
     given = fluid([folder / "yield.csv"], like=folder / "iron.toml")
     assert given["particle_fraction"] == 0.22

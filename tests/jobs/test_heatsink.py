@@ -63,7 +63,7 @@ def test_best_heat_sink_is_cooler_and_lighter():
     assert run.lightest.fluid <= run.reference.fluid
 
 
-def test_heat_sink_answer_contains_paper_sweeps(answer):
+def test_heat_sink_answer_repeats_study_of_paper(answer):
     study = answer["study"]
     assert [round(1e3 * row["width_m"]) for row in study["width"]] == [18, 23, 28, 33]
     assert [row["fins"] for row in study["fins"]] == [3, 4, 5]
@@ -103,7 +103,7 @@ def test_terminal_lists_reference_and_coolest_sink(folder):
 
 
 @pytest.mark.nightly
-def test_search_without_sink_compares_with_bare_damper(folder):
+def test_sink_search_compares_with_bare_damper(folder):
     bare = changed(folder, "fins = 5", "fins = 0")
     options = HeatsinkOptions(span_mm=20.0, width_mm=10.0, by_field=False)
     found: Any = search(folder / "card.json", bare, options=options, out=folder / "bare")
@@ -114,7 +114,7 @@ def test_search_without_sink_compares_with_bare_damper(folder):
 
 
 @pytest.mark.nightly
-def test_short_damper_has_no_paper_sweeps(folder):
+def test_short_damper_omits_sweeps_of_paper(folder):
     short = changed(folder, "length_mm = 200", "length_mm = 82")
     short.write_text(short.read_text(encoding="utf-8").replace("pitch_mm = 20", "pitch_mm = 10", 1), "utf-8")
     options = HeatsinkOptions(span_mm=40.0, by_field=False)
@@ -124,6 +124,6 @@ def test_short_damper_has_no_paper_sweeps(folder):
 
 
 @pytest.mark.nightly
-def test_load_cycle_too_hot_for_sinks_is_noted(folder):
+def test_note_reports_load_too_hot_for_sinks(folder):
     found: Any = search(folder / "card.json", PAPER_DRAWING, duty="sine:15mm:2Hz:2A:4500s")
     assert any("no sink keeps the fluid below its limit" in note for note in found["notes"])

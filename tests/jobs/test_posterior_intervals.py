@@ -84,7 +84,7 @@ def test_force_interval_contains_force_of_sampled_damper(folder: Path, where: fl
     assert (viscosity.high - viscosity.low)[0] == pytest.approx(LEVELS[-2] - LEVELS[1])
 
 
-def test_force_interval_ends_at_extreme_viscosities(folder: Path):
+def test_tracking_force_interval_ends_at_extreme_viscosities(folder: Path):
     result = mrdamper.track(
         folder / "card.json",
         targets=["sine-900N-1Hz"],

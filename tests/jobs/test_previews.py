@@ -47,7 +47,7 @@ def bare(tmp_path):
 # ------------------------------------------------------------------------------------------ previews of files
 
 
-def test_preview_shows_columns_and_findings(file):
+def test_file_preview_shows_columns_and_findings(file):
     answer = look(file)
     assert (answer["error"], answer["rows"], answer["checked"], answer["map"]) == (None, len(RUN), True, None)
     assert [column["role"] for column in answer["columns"]] == ["time", "displacement", "force", "current"]
@@ -199,7 +199,7 @@ def test_heating_preview_marks_assumptions_and_extrapolation(tmp_path):
     assert "extrapolated" in mark
 
 
-def test_copied_and_foreign_runs_are_marked(file):
+def test_copies_and_unusual_runs_are_marked(file):
     (row,) = look(file)["runs"]
     low, high = row["force_range_N"]
     others = [{**row, "name": f"run{k}", "force_range_N": [low - k, high + k]} for k in range(4)]

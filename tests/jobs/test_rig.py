@@ -99,7 +99,7 @@ def test_rig_preset_may_be_file(run_rig, tmp_path):
     assert read_damper(tmp_path / "out.truth" / "mine.damper.toml").friction_N == 0.0
 
 
-def test_draw_option_randomises_preset(run_rig, tmp_path):
+def test_rig_option_draw_randomises_preset(run_rig, tmp_path):
     """A second campaign in the same folder causes a note."""
     assert run_rig(tmp_path / "out", "stiff", draw=6)["damper"] == "stiff-6"
     assert read_damper(tmp_path / "out.truth" / "stiff-6.damper.toml") == draw_variant(PRESETS["stiff"], 6)

@@ -76,14 +76,14 @@ def test_temperature_unaware_controller_is_worse_when_hot(run, name):
     assert cold_unaware.rmse_feasible_N == pytest.approx(cold.rmse_feasible_N, rel=0.1)
 
 
-def test_tracking_summary_has_largest_errors(run):
+def test_tracking_summary_lists_largest_errors(run):
     for row in run.max_error_rows:
         each = [r.score for r in run.rows if r.controller == row.controller]
         assert row.score.max_N == max(s.max_N for s in each)
         assert row.score.rmse_feasible_N == max(s.rmse_feasible_N for s in each)
 
 
-def test_tracking_own_model_has_small_error(folder):
+def test_controller_tracks_own_model_accurately(folder):
     """Only lag and noise cause errors if the damper is the model of the controller itself."""
     options = TrackOptions(controllers=("recommended",))
     itself = track(folder / "card.json", options, targets=[folder / "short.toml"], plant=folder / "card.json")
@@ -120,7 +120,7 @@ def test_process_count_does_not_change_tracking(folder):
 
 
 @pytest.mark.parametrize("times", one_by_day([0.05, 1.0, 20.0]))
-def test_damper_of_any_size_is_tracked(folder, times):
+def test_controller_tracks_damper_of_any_size(folder, times):
     """The relative error is limited because targets are proportional to the force of the damper."""
     path = write_card_of(folder / "other.json", rig_damper(force=times))
     found = track(path, PAPER, plant=path)
@@ -132,7 +132,7 @@ def test_damper_of_any_size_is_tracked(folder, times):
 # --- Output of the command ----------------------------------------------------------------------------------
 
 
-def test_track_writes_page_and_rows(folder):
+def test_track_writes_page_table_and_json(folder):
     answer = answer_of(
         mrdamper(
             "track", folder / "card.json", "--target", folder / "short.toml", "--temperature", 123,
@@ -180,7 +180,7 @@ def test_card_of_another_damper_is_noted(folder, force, noted):
     assert any("the card is of another damper" in note for note in notes) == noted
 
 
-def test_infeasible_default_targets_are_omitted(folder):
+def test_unattainable_default_targets_are_omitted(folder):
     """At two of three targets, the damper force exceeds the target most of the time, even without current."""
     strong = rig_damper(force=20.0)
     thick = replace(strong, coefficients={**strong.coefficients, "viscosity": Constant(1e6)})
@@ -201,7 +201,7 @@ def refused(folder, *arguments, card="card.json"):
     return done.stderr
 
 
-def test_mostly_infeasible_target_is_rejected(folder):
+def test_mostly_unattainable_target_is_rejected(folder):
     target = 'kind = "sine"\namplitude_N = 900\nfrequency_Hz = 1\nphase_deg = 180\n'
     (folder / "against.toml").write_text(f"[target]\n{target}", encoding="utf-8")
     message = refused(folder, "--target", folder / "against.toml")

@@ -1,4 +1,4 @@
-"""Fixture of a process that has loaded the program, for tests that kill and interrupt commands."""
+"""Fixture of a preloaded process that runs commands, for tests that kill and interrupt commands."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.support.kills import CAMPAIGN, Nursery
 
 @pytest.fixture(scope="session")
 def nursery(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Nursery]:
-    """Start a nursery (see ``tests/support/kills.py``) in a folder with runs and a card."""
+    """Start a process that runs commands in a folder with runs and a card (``tests/support/kills.py``)."""
     folder = tmp_path_factory.mktemp("nursery")
     (folder / "campaign.toml").write_text(CAMPAIGN, encoding="utf-8")
     write_card_of(folder / "card.json")

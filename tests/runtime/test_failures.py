@@ -1,6 +1,6 @@
-"""If any write of a job fails (no space, permission or memory), no partial output remains.
+"""If a job fails to write a file (no space, permission or memory), no partial output remains.
 
-An audit hook injects the failures, one write after the other. It can fail any call that opens, creates or
+An audit hook makes each write fail, one after the other. The hook covers every call that opens, creates or
 moves a file in the watched folder, in every library.
 """
 
@@ -100,7 +100,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def saver(name: str, folder: Path) -> Callable[[Path], object]:
-    """Return a function that writes the files of the result of a job."""
+    """Compute the result of a job and return a function that writes the files of this result."""
     card, runs = folder / "card.json", folder / "runs"
     asked: dict[str, tuple[dict[str, Any], Any]] = {
         "fit": ({"runs": [runs], "law": "dahl"}, FitOptions(temperature="none")),
@@ -116,7 +116,7 @@ def saver(name: str, folder: Path) -> Callable[[Path], object]:
 @pytest.mark.parametrize("old", [False, True], ids=["new folder", "older files"])
 @pytest.mark.parametrize("name", NAMES)
 def test_failed_write_leaves_no_partial_output(name: str, old: bool, folder: Path, tmp_path: Path):
-    """The folder has either all older or all new files, at the latest after the next job."""
+    """The folder contains only old or only new files, at the latest after the next job."""
     save = saver(name, folder)
     place = tmp_path / "place"
     place.mkdir()
@@ -142,10 +142,10 @@ def test_failed_write_leaves_no_partial_output(name: str, old: bool, folder: Pat
         if watch.seen <= number:
             assert written(out) == reference
             break
-        if left_behind(place):  # If a complete set was not moved, the next job moves it.
+        if left_behind(place):  # The next job moves a complete set of files that has not been moved.
             save(out)
             assert (written(out), left_behind(place)) == (reference, [])
-        elif "MemoryError" in said:  # The files may have been complete and moved before the error.
+        elif "MemoryError" in said:  # The error may follow after all files have been moved.
             assert written(out) in (before, reference)
         else:
             assert written(out) == (before if said else reference), said

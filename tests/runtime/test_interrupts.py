@@ -54,7 +54,7 @@ SEARCH = ("fit", "runs", "--law", "chain", "--temperature", "none")
 
 
 def one_line(said: str) -> str:
-    """Return the message of an interrupted command after checking that it is the only one."""
+    """Check that an interrupted command prints a single message, and return the message."""
     assert "Traceback" not in said, said
     lines = [line for line in said.splitlines() if line.startswith("mrdamper: ")]
     assert len(lines) == 1, said
@@ -101,7 +101,7 @@ def test_interrupted_sweep_ends_its_workers(nursery: Nursery, tmp_path: Path, nu
 
 
 def test_disabled_signal_stays_disabled():
-    """If nohup has disabled SIGHUP, the signal has no effect."""
+    """The command ``nohup`` disables SIGHUP. The signal handlers of the package do not change that."""
     code = (
         "import signal\n"
         "from mrdamper.interrupts import heed_interrupts, on_interrupt\n"
@@ -115,8 +115,7 @@ def test_disabled_signal_stays_disabled():
 
 
 @pytest.fixture
-def heeded():
-    """Install the signal handlers of the command line in this process."""
+def signal_handlers():
     before = {number: signal.getsignal(number) for number in (INT, TERM, HUP)}
     heed_interrupts()
     yield
@@ -124,8 +123,8 @@ def heeded():
         signal.signal(number, handler)
 
 
-@pytest.mark.usefixtures("heeded")
-def test_innermost_interrupt_block_handles_signal():
+@pytest.mark.usefixtures("signal_handlers")
+def test_innermost_interrupt_handler_receives_signal():
     """At the end of a block, the previous signal handlers are restored."""
     seen: list[str] = []
     with on_interrupt(lambda: seen.append("outer")):
@@ -139,16 +138,16 @@ def test_innermost_interrupt_block_handles_signal():
         signal.raise_signal(TERM)
 
 
-@pytest.mark.usefixtures("heeded")
+@pytest.mark.usefixtures("signal_handlers")
 @pytest.mark.parametrize("number", [INT, TERM, HUP])
-def test_held_interrupt_is_raised_after_block(number: signal.Signals):
+def test_delayed_interrupt_is_raised_after_critical_section(number: signal.Signals):
     with pytest.raises(KeyboardInterrupt), hold_interrupts(), contextlib.suppress(KeyboardInterrupt):
         signal.raise_signal(number)
 
 
-@pytest.mark.usefixtures("heeded")
+@pytest.mark.usefixtures("signal_handlers")
 def test_interrupt_during_schema_build_is_raised(monkeypatch: pytest.MonkeyPatch):
-    """Pydantic prints "Exception ignored" and continues if a signal arrives while it builds a schema."""
+    """Pydantic suppresses an interrupt while it builds a schema. The package must raise it again."""
 
     def build(_record: type) -> None:
         with contextlib.suppress(KeyboardInterrupt):
@@ -159,7 +158,7 @@ def test_interrupt_during_schema_build_is_raised(monkeypatch: pytest.MonkeyPatch
         read_record(make_dataclass("Record", [("length", float)]), {}, "file")
 
 
-@pytest.mark.usefixtures("heeded")
+@pytest.mark.usefixtures("signal_handlers")
 def test_interrupt_while_moving_files_moves_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """The output folder must not contain a mixture of old and new files."""
     replace, moves = Path.replace, list[Path]()

@@ -78,10 +78,10 @@ def test_next_job_moves_files_of_killed_job(tmp_path: Path):
 
 
 def test_next_job_removes_unfinished_files(tmp_path: Path):
-    """Unfinished files of a killed job are removed. Files of a job that still runs are kept."""
+    """Unfinished files of a killed job are removed. Files of a running job are kept."""
     for _ in range(3):
         subprocess.run([sys.executable, "-c", KILLED_WHILE_WRITING, str(tmp_path / "out")], check=False)
-        assert len(left_behind(tmp_path)) == 1  # Unfinished files do not accumulate.
+        assert len(left_behind(tmp_path)) == 1  # The job has removed the files of the previous job.
     with atomic_output(tmp_path / "other") as stage:
         (stage / "mine.txt").write_text("mine")
         recover_staging(tmp_path)
@@ -92,7 +92,7 @@ def test_next_job_removes_unfinished_files(tmp_path: Path):
 
 
 def test_killed_sweep_leaves_no_process(nursery: Nursery, tmp_path: Path):
-    """The worker processes end with the process that started them."""
+    """The worker processes end after their parent process has been killed."""
     out, mark = tmp_path / "out", f"sweep-{os.getpid()}"
     process = subprocess.Popen(
         command(*SWEEP, "--out", out), cwd=nursery.folder, env={**os.environ, MARK: mark},

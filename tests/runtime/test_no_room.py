@@ -70,7 +70,7 @@ def test_file_size_limit_changes_no_file(nursery: Nursery, tmp_path: Path, name:
 
 @pytest.mark.parametrize("name", one_by_day(["rig", "fit", "export c"]))
 def test_full_disk_gives_one_message(nursery: Nursery, tmp_path: Path, name: str):
-    """After the message, the same command succeeds when space has been freed."""
+    """The message names the folder. The same command succeeds after space has been freed."""
     with disk(tmp_path / "disk", "-o", "size=48k") as small:
         (small / "ballast").write_bytes(bytes(36_000))
         assert run(nursery, name, small / "out") == 3

@@ -1,4 +1,4 @@
-"""A job never replaces an input file, even if the output path is a link to it."""
+"""A job never replaces an input file, even if the output path is a link to the input file."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ def test_pool_raises_error_after_earlier_results(*, threads: bool):
 
 @FORKS
 def test_interrupt_ends_all_pool_processes():
-    """The caller does not wait for running work."""
+    """The interrupt ends workers immediately, although their work would take 60 s."""
     pids: list[int] = []
 
     def work(k: int) -> int:
@@ -80,7 +80,7 @@ def test_interrupt_ends_all_pool_processes():
 
 @FORKS
 def test_killed_pool_process_raises_error():
-    """The operating system may kill a process if memory is short."""
+    """The error is BrokenProcessPool. The operating system kills a process if memory is short."""
 
     def work(_: int) -> None:
         os.kill(os.getpid(), signal.SIGKILL)
@@ -91,8 +91,6 @@ def test_killed_pool_process_raises_error():
 
 @FORKS
 def test_cpu_time_includes_pool_processes():
-    """The CPU time of a job includes the CPU time of the processes in its pools."""
-
     def work(_: int) -> float:
         begun = time.process_time()
         while time.process_time() < begun + 0.05:

@@ -114,7 +114,7 @@ def score(seed: int) -> CompactScore:
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("seed", [*odd_bodies(3)[1:], 1])
-def test_compact_model_follows_random_steps(seed: int):
+def test_compact_thermal_model_follows_random_steps(seed: int):
     found = score(seed)
     assert found.fluid < 1.0
     assert found.gap < 1.0
@@ -149,7 +149,7 @@ def test_compact_model_cools_to_air_temperature(model: CompactModel, step: float
         assert found.fluid[-1] == pytest.approx(REFERENCE_K, abs=0.5)
 
 
-def test_compact_coefficients_agree_with_section(model: CompactModel):
+def test_compact_model_interpolates_heat_transfer_coefficients(model: CompactModel):
     """Heat-transfer coefficients are exact at the points of the table and within 3 % between them."""
     drawing = read_drawing("paper")
     asked = ((288.15, 2.0, 40.0, 1e-9), (270.0, 1.7, 33.0, 0.03), (310.0, 0.0, 70.0, 0.03))
@@ -187,7 +187,7 @@ def test_compact_sensor_gains_equal_kalman_gains(model: CompactModel):
     assert (found[:, -1] > 0.0).all()
 
 
-def test_compact_steady_state_agrees_with_elements(model: CompactModel):
+def test_compact_steady_state_agrees_with_finite_elements(model: CompactModel):
     """Six states cannot represent the steady gradients in coil and gap, so outputs also depend on power."""
     found = simulate_compact(model, even(60, 70.0, 15.0), start_K=REFERENCE_K, step=1800.0)
     equation = build_field(read_drawing("paper"), size=0.02).equation

@@ -32,7 +32,7 @@ def powers_of_ten(low: float, high: float) -> st.SearchStrategy[float]:
 
 
 @given(grashof=powers_of_ten(-2, 11), prandtl=PRANDTL, slenderness=st.floats(0.5, 20.0))
-def test_natural_convection_agrees_with_ht(grashof, prandtl, slenderness):
+def test_natural_convection_agrees_with_library_ht(grashof, prandtl, slenderness):
     ht = pytest.importorskip("ht")
     rayleigh = grashof * prandtl
     assert nusselt_horizontal_cylinder(rayleigh, prandtl) == pytest.approx(
@@ -51,7 +51,7 @@ def test_natural_convection_agrees_with_ht(grashof, prandtl, slenderness):
 
 
 @given(reynolds=powers_of_ten(0.1, 5.9), prandtl=PRANDTL)
-def test_forced_convection_agrees_with_ht(reynolds, prandtl):
+def test_forced_convection_agrees_with_library_ht(reynolds, prandtl):
     ht = pytest.importorskip("ht")
     assert nusselt_cross_flow(reynolds, prandtl) == pytest.approx(
         ht.Nu_cylinder_Churchill_Bernstein(reynolds, prandtl), rel=1e-12
@@ -66,7 +66,7 @@ def test_forced_convection_agrees_with_ht(reynolds, prandtl):
     thickness=st.floats(2e-4, 5e-3),
     conductivity=st.floats(15.0, 400.0),
 )
-def test_fin_efficiency_agrees_with_ht(film, root, width, thickness, conductivity):
+def test_fin_efficiency_agrees_with_library_ht(film, root, width, thickness, conductivity):
     ht = pytest.importorskip("ht")
     theirs = ht.fin_efficiency_Kern_Kraus(2 * root, 2 * (root + width), thickness, conductivity, film)
     ours = annular_fin_efficiency(film, root, root + width, thickness, conductivity)

@@ -57,7 +57,7 @@ designs = st.lists(
 
 
 @given(tried=designs)
-def test_pareto_front_is_not_dominated(tried):
+def test_no_design_dominates_pareto_front(tried):
     front = front_of(tried)
     for member in front:
         assert not any(
@@ -68,7 +68,7 @@ def test_pareto_front_is_not_dominated(tried):
 
 
 @pytest.mark.system
-def test_best_sink_is_eight_kelvin_cooler(found, reference):
+def test_best_heat_sink_is_eight_kelvin_cooler(found, reference):
     """Within the paper's length (84 mm), width (23 mm) and mass, the fluid is 8 K cooler after 30 min."""
     best = found.best
     assert best.sink is not None

@@ -28,7 +28,7 @@ def sweeps():
     return paper_sweeps(DRAWING, SINK, LOADS)
 
 
-def test_fin_efficiency_is_largest_at_paper_sizes(sweeps):
+def test_dissipation_efficiency_peaks_at_paper_sizes(sweeps):
     """The efficiency is largest at a width of 23 mm and at four fins. Larger sinks are cooler, however."""
     width, fins = sweeps
     assert [effect.sink.width for effect in width.effects] == [0.018, 0.023, 0.028, 0.033]
@@ -38,18 +38,18 @@ def test_fin_efficiency_is_largest_at_paper_sizes(sweeps):
         assert (np.diff([effect.finned for effect in sweep.effects]) < 0.0).all()
 
 
-def test_five_fins_reduce_rise_like_paper(sweeps):
+def test_five_fins_cool_as_paper_reports(sweeps):
     """The paper reports 48.23 %. The network deviates from the finite elements by 1.4 K of 57 K."""
     assert 100.0 * sweeps[1].effects[2].rise_reduction == pytest.approx(48.23, abs=2.0)
 
 
-def test_uncorrected_efficiency_has_no_maximum():
+def test_uncorrected_dissipation_efficiency_has_no_maximum():
     """Without the multiplier that was fitted to the paper, the efficiency increases with the fin area."""
     for sweep in paper_sweeps(DRAWING, replace(SINK, film_multiplier=1.0), LOADS):
         assert (np.diff(sweep.efficiency) > 0.0).all()
 
 
-def test_efficiency_uses_areas_of_cross_section():
+def test_dissipation_efficiency_uses_areas_of_section():
     section = section_of(DRAWING.with_sink(None))
     assert body_area(DRAWING) == pytest.approx(math.fsum(edge.area for edge in section.edges), rel=1e-12)
     effect = judge_sink(DRAWING, SINK, LOADS, bare=400.0)

@@ -66,7 +66,7 @@ def insulated(section: Section) -> Section:
 # ----------------------------------------------------------------------------------------- closed forms
 
 
-def test_insulated_elements_warm_by_supplied_heat():
+def test_insulated_finite_elements_warm_by_supplied_heat():
     """The temperature rise is the supplied heat divided by the heat capacity."""
     section = insulated(section_of(DRAWING))
     model = discretise(section, mesh_section(section, 0.016))
@@ -137,7 +137,7 @@ def test_perfect_conductor_warms_by_power_over_conductance():
 
 
 @pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE, SLENDER]), ids=["paper", "bare", "slender"])
-def test_element_capacity_equals_network_capacity(drawing: DamperDrawing):
+def test_finite_elements_have_heat_capacity_of_network(drawing: DamperDrawing):
     """The network adds volumes of annular zones, the finite elements add volumes of mesh elements."""
     model = build_field(drawing)
     expected = zone_network(drawing).total_capacity
@@ -148,7 +148,7 @@ def test_element_capacity_equals_network_capacity(drawing: DamperDrawing):
     assert volumes == pytest.approx(np.bincount(*map(np.array, zip(*blocks, strict=True))), rel=1e-9)
 
 
-def test_element_surfaces_have_exact_areas():
+def test_finite_element_surfaces_have_exact_areas():
     body, r = DRAWING.body, 0.5 * DRAWING.body.outer_diameter
     assert SINK is not None
     model = build_field(DRAWING)
@@ -175,7 +175,7 @@ def test_element_surfaces_have_exact_areas():
 
 @pytest.mark.system
 @pytest.mark.parametrize("longest_step", [60.0, 20.0])
-def test_elements_conserve_energy_with_any_step(longest_step: float):
+def test_finite_elements_conserve_energy_with_any_step(longest_step: float):
     loads = [Load(300.0, fading, 16.8), Load(200.0, constant(0.0)), Load(300.0, constant(150.0), 5.0)]
     course = heat_field(DRAWING, loads, size=0.05, longest_step=longest_step)[1]
     assert course.closure <= 1e-9
@@ -266,7 +266,7 @@ def test_mesh_error_is_below_50_millikelvin(drawing: DamperDrawing):
 
 
 @pytest.mark.nightly
-def test_minute_steps_of_elements_are_accurate():
+def test_finite_elements_are_accurate_with_minute_steps():
     model = build_field(BARE, size=0.04)
     course = simulate_field(model.equation, [DUTY], longest_step=60.0)
     truth = simulate_field(model.equation, [DUTY], longest_step=8.0, first_step=0.25)
@@ -277,7 +277,7 @@ def test_minute_steps_of_elements_are_accurate():
 
 
 @pytest.mark.nightly
-def test_element_steps_converge_with_second_order():
+def test_finite_element_steps_converge_with_second_order():
     """The step is halved while the temperatures still change, after the transient of the first 300 s."""
     model = build_field(DRAWING, size=0.04)
     warm = simulate_field(model.equation, [Load(300.0, fading, 16.8)]).state[-1]
@@ -295,7 +295,7 @@ def test_element_steps_converge_with_second_order():
 
 
 @pytest.mark.nightly
-def test_elements_are_near_thermal_network():
+def test_finite_elements_agree_with_thermal_network():
     """The network has ten nodes, the finite elements have thousands, for the same geometry."""
     course = heat_field(DRAWING, [DUTY])[1]
     network = simulate_network(zone_network(DRAWING), [DUTY])
@@ -303,7 +303,7 @@ def test_elements_are_near_thermal_network():
     assert course.coil[-1] > course.fluid[-1] + 3.0 > course.wall[-1]
 
 
-def test_element_simulation_stops_at_limit():
+def test_finite_element_simulation_stops_at_limit():
     course = heat_field(BARE, [DUTY], size=0.016, stop_at=353.15)[1]
     assert course.stopped
     assert course.fluid[-1] == pytest.approx(353.15, abs=1e-4)

@@ -118,7 +118,7 @@ def test_heating_interval_continues_after_fluid_limit():
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("base", [BARE, DRAWING], ids=["bare", "fins"])
-def test_ten_minutes_predict_perturbed_dampers(base):
+def test_ten_minutes_predict_temperature_of_perturbed_dampers(base):
     """With 10 min of data, the RMS error after 30 min is below 2 K, and most intervals are correct."""
     found = score(base, 6, 10.0, seed=3)
     assert found.rmse < 2.0
@@ -136,7 +136,7 @@ def test_temperatures_of_perturbed_dampers_are_predicted(base, minutes, most, pl
     assert found.inside >= 0.78
 
 
-def test_early_interval_depends_on_power_and_capacity():
+def test_early_heating_interval_depends_on_power_and_capacity():
     """At first, only the deviations of power and heat capacity matter, and their squares add."""
     found = predict_interval([WORK], BARE, DUTY, rise_of(BARE))
     gained = np.interp(60.0, found.time, found.median) - found.median[0]
@@ -144,7 +144,7 @@ def test_early_interval_depends_on_power_and_capacity():
     assert width / gained == pytest.approx(2.0 * 1.645 * np.hypot(PRIOR.power, PRIOR.capacity), rel=0.35)
 
 
-def test_quick_interval_matches_full_interval():
+def test_quick_heating_interval_matches_full_interval():
     """The quick interval is the temperature rise times two factors. Its limits agree within 2 %."""
     load = Load(1800.0, power, 4.0 * OHM)
     ((low, high),) = rise_factors(BARE, load, np.array([1800.0]))

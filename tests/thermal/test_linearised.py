@@ -60,7 +60,7 @@ def test_network_jacobian_is_exact():
     check(system, state)
 
 
-def test_element_jacobian_is_exact():
+def test_finite_element_jacobian_is_exact():
     full = build_field(WINDY, size=0.05)
     models: tuple[FieldModel | ReducedModel, ...] = (full, reduce_field(full, order=8))
     for model in models:

@@ -89,7 +89,7 @@ def test_steady_network_rise_is_power_over_conductance():
     assert ends[0] - AMBIENT == pytest.approx(50.0 / 0.5, rel=1e-6)
 
 
-def test_single_node_follows_formula():
+def test_single_thermal_node_agrees_with_formula():
     heated = simulate_network(one_node(), [Load(1800.0, constant(50.0))], longest_step=1.0)
     exact = constant_heating(heated.time, 50.0, 0.5, 1000.0, ambient=AMBIENT, start=AMBIENT)
     assert heated.fluid - AMBIENT == pytest.approx(exact - AMBIENT, rel=1e-6, abs=1e-9)
@@ -202,7 +202,7 @@ UPRIGHT = replace(
 
 
 @pytest.mark.parametrize("drawing", [*(draw_body(seed).drawing for seed in (1, 5, 11)), UPRIGHT])
-def test_network_and_elements_have_equal_losses(drawing):
+def test_network_and_finite_elements_have_equal_losses(drawing):
     """The losses of each heat path agree at any temperature. A corrected fin radius represents the rim."""
     network, model = zone_network(drawing), build_field(drawing, size=0.05)
     equation = model.equation
@@ -219,7 +219,7 @@ def test_network_and_elements_have_equal_losses(drawing):
 
 
 @pytest.mark.parametrize("through", [True, False])
-def test_mount_loss_is_divided_by_conductance(through):
+def test_mount_heat_divides_between_rod_and_cap(through):
     """The heat flow to the mount is divided between rod and cap in proportion to their conductances."""
     held = replace(BARE, rod=replace(BARE.rod, through=through, mount=1e-6))
     network = zone_network(replace(held, surroundings=replace(BARE.surroundings, mount=0.0)))
@@ -284,7 +284,7 @@ def heat_up_evenly(network: ThermalNetwork, loads: list[Load], start):
 
 
 @pytest.mark.system
-def test_minute_steps_of_network_are_accurate():
+def test_thermal_network_is_accurate_with_minute_steps():
     for drawing in (BARE, DRAWING):
         network = zone_network(drawing)
         coarse, fine = simulate_network(network, [DUTY]), simulate_network(network, [DUTY], longest_step=0.5)
@@ -303,7 +303,7 @@ def test_through_rod_network_is_symmetric():
             assert ends[f"{part} 0"] == pytest.approx(ends[f"{part} 2"], rel=1e-12)
 
 
-def test_network_capacity_equals_masses_by_hand():
+def test_network_heat_capacity_equals_hand_calculation():
     """The reference adds the heat capacities of tube, caps, piston, rod, copper, potting and fluid."""
     drawing = replace(BARE, calibration=replace(BARE.calibration, heat_capacity=1.0))
     ring = lambda a, b: np.pi / 4.0 * (b**2 - a**2)  # noqa: E731

@@ -75,7 +75,7 @@ def test_fluid_limit_is_reached_after_thirty_minutes(work):
     assert bare.time_to_limit_s == pytest.approx(1720.0, abs=30.0)
 
 
-def test_paper_reduction_refers_to_temperature_rise(work):
+def test_paper_relates_cooling_to_temperature_rise(work):
     """The reduction of 48.23 % refers to the temperature rise above 20 degC.
 
     If the reduction referred to degC, the damper without fins would have 148.5 degC after 30 min. This
@@ -87,7 +87,7 @@ def test_paper_reduction_refers_to_temperature_rise(work):
     assert (np.diff(rise(work, BARE, 35.0).fluid) > 0.0).all()
 
 
-def test_paper_temperatures_contradict_five_millimetres(work):
+def test_paper_temperatures_contradict_stated_amplitude(work):
     """At the stated 5 mm, even the damper without fins is cooler than the paper reports with fins."""
     small = rig_work(Sine(5e-3, 1.0))
     assert rise(small, BARE, 30.0).fluid_degC[-1] == pytest.approx(75.0, abs=1.0)
@@ -109,7 +109,7 @@ def test_outer_diameter_in_paper_is_radius(work):
 
 
 @pytest.mark.parametrize(("width", "least"), [(0.018, 0.98), (0.023, 0.975), (0.028, 0.965), (0.033, 0.95)])
-def test_fin_efficiency_does_not_explain_optimum(width, least):
+def test_fin_efficiency_does_not_explain_best_width(width, least):
     """The fin efficiency is above 95 % for all widths, so it cannot cause the optimum width of the paper."""
     sink = FINNED.sink
     assert sink is not None

@@ -33,7 +33,7 @@ def miss(full, reduced, name: str) -> float:
 
 @pytest.mark.system
 @pytest.mark.parametrize("number", one_by_day(range(4)))
-def test_reduced_model_follows_elements(number: int):
+def test_reduced_thermal_model_agrees_with_finite_elements(number: int):
     """The load lasts half an hour. The random designs were not used to choose constants of the model."""
     model = build_field(draw_designs(4, seed=2)[number])
     small = reduce_field(model)
@@ -43,7 +43,7 @@ def test_reduced_model_follows_elements(number: int):
 
 
 @pytest.mark.nightly
-def test_reduced_model_follows_forty_designs():
+def test_reduced_thermal_model_fits_forty_designs():
     for design in draw_designs(40, seed=3):
         model = build_field(design)
         full, reduced = (
@@ -54,7 +54,7 @@ def test_reduced_model_follows_forty_designs():
 
 
 @pytest.mark.nightly
-def test_reduced_model_follows_new_load():
+def test_reduced_thermal_model_agrees_for_other_load():
     """The load has other powers, a pause and a start at 60 degC. The reduced basis includes none of them.
 
     The error of the fluid temperature is proportional to a step of the power and largest just after the step.
@@ -68,7 +68,7 @@ def test_reduced_model_follows_new_load():
     assert miss(full, reduced, "coil") < 50e-3
 
 
-def test_reduced_model_conserves_energy():
+def test_reduced_thermal_model_conserves_energy():
     model = build_field(DRAWING, size=0.016)
     small = reduce_field(model)
     course = simulate_field(small.equation, [DUTY])

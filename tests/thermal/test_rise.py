@@ -62,7 +62,7 @@ def test_load_cycle_table_has_segment_per_row(tmp_path):
     assert rise.energy_closure <= 1e-9
 
 
-def test_equivalent_stroke_moves_same_fluid():
+def test_equivalent_stroke_displaces_same_fluid_volume():
     """The equivalent sine displaces the mean volume per time.
 
     Its amplitude is weighted by displaced volume.
@@ -124,7 +124,7 @@ def test_power_of_aperiodic_motion_is_averaged():
     assert work.power[0] == pytest.approx(exact, rel=0.01)
 
 
-def test_interpolated_power_agrees_with_loop():
+def test_interpolated_power_agrees_with_direct_calculation():
     damper, segment = temperature_dependent(), segment_of(Sine(0.015, 1.0), 2.0, 60.0)
     table = tabulate_work(damper, segment)
     between = np.array([297.0, 331.3, 388.8])
@@ -137,7 +137,7 @@ def test_interpolated_power_agrees_with_loop():
 # ------------------------------------------------------------------------------------------- temperature rise
 
 
-def test_damper_without_temperature_keeps_force():
+def test_force_stays_constant_without_temperature_model():
     rise = predict_rise(dry_and_viscous(dry=1000.0), BARE)
     assert "the card does not depend on temperature: its force is held constant" in rise.notes
     assert rise.force_loss_percent is None  # The loss of force is unknown.
@@ -198,7 +198,7 @@ def test_card_in_volts_requires_driver_gain():
     assert rise.coil_W[0] == pytest.approx(4.2)
 
 
-def test_reduced_heating_follows_elements():
+def test_reduced_model_heats_like_finite_elements():
     """The difference is at most 10 mK. Heat paths are the same as in the network, and energy is conserved."""
     duty = read_duty("sine:15mm:1Hz:2A:600s")
     works = [tabulate_work(temperature_dependent(), segment) for segment in duty.segments]
@@ -215,7 +215,7 @@ def test_reduced_heating_follows_elements():
 # ----------------------------------------------------------------------------------- segments of a load cycle
 
 
-def test_reported_force_belongs_to_load_segment():
+def test_peak_force_is_reported_for_each_segment():
     """The two moving segments have different forces, which fall with temperature. The pause has no force."""
     kelvin = np.array([293.15, 393.15])
     works = [

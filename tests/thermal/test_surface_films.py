@@ -77,7 +77,7 @@ def published_wind(
 
 
 @given(exponent=st.floats(-2.0, 7.0), ratio=st.floats(1.1, 4.9))
-def test_still_air_fins_follow_tsubouchi_masuda(exponent, ratio):
+def test_fins_in_still_air_follow_tsubouchi_masuda(exponent, ratio):
     assert nusselt_annular_fins(10.0**exponent, ratio) == pytest.approx(
         published_still(10.0**exponent, ratio), rel=1e-10
     )
@@ -89,7 +89,7 @@ def test_still_air_fins_follow_tsubouchi_masuda(exponent, ratio):
     tube=st.floats(0.02, 0.08),
     ratio=st.floats(1.1, 4.0),
 )
-def test_fins_in_wind_follow_published_strips(speed, gap, tube, ratio):
+def test_fins_in_wind_agree_with_publications(speed, gap, tube, ratio):
     air = air_at(320.0)
     nu, pr, outer = float(air.kinematic_viscosity), float(air.prandtl), ratio * tube
     found = forced_side_film(speed, gap, tube, outer, nu, pr, driving=1.3, correction=0.8)
@@ -181,7 +181,7 @@ def sent_back_and_forth(
 
 
 @pytest.mark.parametrize("finish", [0.05, 0.3, 0.9])
-def test_groove_radiation_agrees_with_reflections(finish):
+def test_groove_radiation_equals_sum_of_reflections(finish):
     sink = HeatSink(fins=5, width=0.02, thickness=2e-3, pitch=0.008, emissivity=finish)
     drawing = replace(PAPER, sink=sink, surroundings=replace(PAPER.surroundings, emissivity=0.6))
     root, tip = 0.023, 0.043

@@ -17,7 +17,7 @@ __all__ = ["SCREENS", "SHOTS", "chromium", "log_in", "opened", "shoot"]
 SHOTS = Path(__file__).parents[2] / "build" / "web"
 """Folder of the screenshots that ``MRDAMPER_SHOTS=1`` writes."""
 
-PATIENCE_ms = 60_000  # A loaded machine is slow.
+PATIENCE_ms = 60_000  # Other programs can slow the machine down.
 expect.set_options(timeout=PATIENCE_ms)
 
 SCREENS = ((1280, 800), (768, 1024))
@@ -37,7 +37,7 @@ def chromium(program: Path) -> Iterator[Browser]:
 
 
 def log_in(context: BrowserContext, address: str) -> None:
-    """Exchange the token of the server for a cookie, as the first visit of the printed address does."""
+    """Exchange the token of the server for a cookie, like the first visit of the printed address."""
     assert context.request.get(f"{address}?token={TOKENS[address]}").ok
 
 
@@ -45,7 +45,7 @@ def log_in(context: BrowserContext, address: str) -> None:
 def opened(
     browser: Browser, address: str, *, size: tuple[int, int] = SCREENS[0], scheme: Scheme = "light"
 ) -> Iterator[Page]:
-    """Open a window for a ``with`` block; then assert that there was no error and no request elsewhere."""
+    """Open a browser window. At the end, check that no error and no request to other hosts occurred."""
     context = browser.new_context(
         base_url=address,
         viewport={"width": size[0], "height": size[1]},

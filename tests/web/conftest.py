@@ -1,4 +1,4 @@
-"""Browsers, and served folders with runs and cards, for tests of the pages."""
+"""Browsers for tests of the pages, and servers of folders with runs and cards."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def site(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def plain_site(tmp_path_factory):
-    """Return a folder, which each test fills, and a client of its server."""
+    """Return an empty folder for all tests of a session, and a client of its server."""
     root = tmp_path_factory.mktemp("site") / "work"
     with served(root) as client:
         yield root, client
@@ -47,6 +47,6 @@ def plain_site(tmp_path_factory):
 
 @pytest.fixture
 def page(browser, site):
-    """Return a window of the server of the fixture ``site``, which a module may replace."""
+    """Return a browser window for the server of ``site``. A module may define another ``site``."""
     with opened(browser, site[1].address) as window:
         yield window

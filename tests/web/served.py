@@ -25,7 +25,7 @@ from tests.support.pace import within_reach
 from tests.support.rigs import command
 
 Json = dict[str, Any]
-FOLDER_MARK = "MRDAMPER_TEST_FOLDER"  # Environment variable of a server and its processes
+FOLDER_MARK = "MRDAMPER_TEST_FOLDER"  # This environment variable identifies a server and its processes.
 TOKENS: dict[str, str] = {}
 """Tokens of the running servers by address."""
 
@@ -47,7 +47,7 @@ class Answer:
 
 @contextmanager
 def started(app: ASGIApp) -> Iterator[Callable[..., Answer]]:
-    """Start an application in a thread and generate a function that sends a request to it."""
+    """Start an application in a thread. Yield a function that sends a request to the application."""
     with start_blocking_portal() as portal, portal.wrap_async_context_manager(_lifespan(app)):
         yield lambda *request, **options: portal.call(partial(_call, app, *request, **options))
 
@@ -109,7 +109,7 @@ async def _call(
 
 
 def wait_until(condition: Callable[[], bool], longest_s: float) -> None:
-    """Wait until a condition is true; fail after a time."""
+    """Wait until a condition is true. Fail after the given time."""
     end = time.monotonic() + within_reach(longest_s)
     while not condition():
         assert time.monotonic() < end, f"not true after {longest_s} s"
@@ -140,7 +140,6 @@ class Client:
         return str(answer.json()["id"])
 
     def ended(self, job_id: str, longest_s: float = 60.0) -> Json:
-        """Wait for the end of a job and return the job."""
         return self.until(job_id, {"done", "failed", "cancelled", "interrupted"}, longest_s)
 
     def until(self, job_id: str, states: set[str], longest_s: float = 60.0) -> Json:

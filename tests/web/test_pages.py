@@ -77,12 +77,12 @@ def test_decimated_plot_keeps_single_spike(page, kind):
 
 
 def test_fit_on_page_writes_readable_card(page, site):
-    """The command line can read the card of a fit with held-out runs. The result fits one screen."""
+    """The command line can read the card of a fit on the page. The result of the fit fits one screen."""
     root, _ = site
     page.goto("/#/model")
     page.fill("#fit-card", "fitted")
     page.fill("#fit-hold-out", "*_060C_*")
-    page.select_option("#fit-law", "dahl")  # The default compares all laws and takes longer.
+    page.select_option("#fit-law", "dahl")  # The default compares all laws, which takes longer.
     page.click("#start-fit")
     page.wait_for_selector("#fit-tiles", timeout=240_000)
     page.wait_for_selector("#view-status[data-ms]")
@@ -123,7 +123,7 @@ def test_every_page_fits_screen(browser, site, size, scheme):
 
 
 def test_javascript_never_parses_markup():
-    """No JavaScript module parses markup or contains the address of another host, and all are small."""
+    """No JavaScript module parses markup or names another host. All modules together are small."""
     for path in STATIC.glob("*.js"):
         text = path.read_text()
         assert not re.search(r"(inner|outer|insertAdjacent)HTML|document\.write|\beval\(|new Function", text)
@@ -172,7 +172,7 @@ def test_markup_in_names_is_shown_as_text(browser, haunted):
             assert page.locator("main img, main script").count() == 0, address
         page.goto("/#/data?view.tab=Files")
         page.get_by_label(re.compile("Look into <img")).click()
-        page.wait_for_selector("#save-map")  # Headings of columns also contain markup.
+        page.wait_for_selector("#save-map")  # Column headers of the file also contain markup.
         assert MARKUP in page.inner_text("#sheet")
         assert page.locator("main img").count() == 0
         assert page.evaluate("window.ran") is None

@@ -76,13 +76,13 @@ def test_command_line_options_are_in_forms_or_explained(command, name, told):
     assert {field, told.lstrip("-").replace("-", "_")} & fields, f"{command} {told}: add it to {kind}"
 
 
-def test_options_without_field_exist():
+def test_documented_command_line_options_exist():
     known = {f"{command} {told}" for command, _, told in OPTIONS}
     known |= {each for command, _, told in OPTIONS for each in (command, told)}
     assert only_there() <= known
 
 
-def test_every_command_is_documented_for_pages():
+def test_web_documentation_names_every_command():
     text = (ROOT / "docs" / "web.md").read_text(encoding="utf-8")
     section = text.split("## What is on which page")[1].split("\n## ")[0]
     assert {name for name, _ in commands()} - {"serve"} - only_there() <= set(
@@ -92,7 +92,7 @@ def test_every_command_is_documented_for_pages():
 
 @pytest.mark.parametrize("kind", ORDER_JOBS)
 def test_every_job_kind_has_page(kind):
-    """The form is built from the declarations, so no field is missing."""
+    """The program builds the form from the declarations of the job, so a page needs no list of fields."""
     text = "".join(path.read_text(encoding="utf-8") for path in STATIC.glob("page_*.js"))
     assert re.search(rf'formOf\("{kind}"|startButton\(\s*"{kind}"|^\s+{kind}: "', text, re.MULTILINE)
 

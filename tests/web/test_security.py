@@ -79,7 +79,7 @@ def snapshot(folder: Path) -> dict[str, bytes]:
     ],
 )
 def test_unsafe_listen_address_is_rejected(host, token, words):
-    """A public host requires a token, which must be long and printable."""
+    """A public host requires a token. A token must be long and printable."""
     with pytest.raises(InputError, match=words):
         ListenAddress(host, token)
 
@@ -122,7 +122,7 @@ def test_other_site_cannot_change_files(folder, ask, headers):
     assert snapshot(folder) == before
 
 
-def test_other_site_may_only_link(folder, ask):
+def test_other_site_may_link_to_page_only(folder, ask):
     elsewhere = {"sec-fetch-site": "cross-site"}
     assert ask("GET", "/api/state", headers=elsewhere).status == 403
     assert ask("GET", "/", headers=elsewhere).status == 200
@@ -140,7 +140,7 @@ def test_request_without_token_is_rejected(ask_locked):
 
 
 def test_token_is_exchanged_for_http_only_cookie(ask_locked):
-    """The address with the token is exchanged for a cookie, and the redirect stays on the server."""
+    """The response sets a cookie and redirects to an address on the same server."""
     assert ask_locked("GET", "/api/state", headers={"authorization": f"Bearer {TOKEN}"}).status == 200
     traded = ask_locked("GET", "/loops", query=f"token={TOKEN}&run=a")
     assert traded.status == 303
@@ -242,7 +242,8 @@ def test_requested_names_stay_inside_folder(folder, ask, name):
     assert not [answer for answer in answers if SECRET.encode() in answer.body or b"root:" in answer.body]
     assert not [answer for answer in answers if answer.status >= 500]
     pages = [answer for answer in answers if answer.status < 300]
-    assert all(answer.headers["content-type"].startswith("text/html") for answer in pages)  # index.html
+    # Only index.html is returned.
+    assert all(answer.headers["content-type"].startswith("text/html") for answer in pages)
     assert snapshot(folder.parent) == before
     work = WorkFolder(folder)
     for look_up in (work.run_file, work.record, work.channel_map, work.card, work.input):
@@ -264,7 +265,7 @@ def test_new_names_stay_inside_folder(tmp_path_factory, name):
 
 
 def test_link_to_outside_is_not_followed(folder, ask):
-    """Such a link is neither read nor listed, and an upload replaces it."""
+    """A link to a file outside is neither read nor listed, and an upload replaces the link."""
     secret = folder.parent / "secret.csv"
     (folder / "runs" / "link.csv").symlink_to(secret)
     (folder / "inputs" / "link.toml").symlink_to(secret)
@@ -302,7 +303,7 @@ def test_folder_with_outside_link_is_rejected(tmp_path):
 
 @pytest.mark.parametrize("length", [None, "40000", "10"])
 def test_too_large_upload_leaves_no_file(folder, ask, length):
-    """The limit applies to the size of the body, not to the stated length."""
+    """The limit applies to the received bytes, not to the stated length."""
     headers = {} if length is None else {"content-length": length}
     answer = ask("PUT", "/api/files/big.csv", headers=headers, body=b"1,2,3,4\n" * 5000, pieces=20)
     assert answer.status == 413

@@ -1,4 +1,4 @@
-"""Answers of the server: files, samples of plots, and agreement with the command line."""
+"""The server answers requests for files, plots and heating like the command line."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_invalid_file_shows_error_and_columns(clean):
     broken, mute = (client.get(f"/api/files/{name}.csv/look") for name in ("broken", "mute"))
     assert "broken.csv" in broken["error"]
     assert "oops" in broken["error"]
-    assert "force" in mute["error"]  # The unit of `load` is missing and is not guessed.
+    assert "force" in mute["error"]  # The column `load` has no unit, and the server does not guess a unit.
     roles = {column["name"]: column["guess"]["role"] for column in mute["columns"]}
     names = {"time_s": "time", "displacement_mm": "displacement", "load": "force", "current_A": "current"}
     assert roles == names
@@ -255,7 +255,7 @@ def test_unusable_address_ends_server_with_message(plain_site, tmp_path):
 @pytest.mark.nightly
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_interrupt_ends_server_without_traceback(tmp_path, number):
-    """Ctrl-C and the stop of a service are interrupts."""
+    """Ctrl-C sends SIGINT. A service manager stops the server with SIGTERM."""
     with served(tmp_path / "work") as client:
         client.get("/api/state")
         client.process.send_signal(number)

@@ -136,7 +136,8 @@ def test_choices_are_kept_on_next_pages(browser, site, page):
     expect(page.locator("#heat-damper")).to_have_value("bare.toml")
     expect(page.get_by_label("Amplitude, mm")).to_have_value("7")
     mass = page.get_by_label("Mass, g")
-    expect(mass).to_have_attribute("aria-invalid", "true")  # This is required without fins.
+    # A heat sink search from a bare damper requires this entry.
+    expect(mass).to_have_attribute("aria-invalid", "true")
     page.get_by_role("button", name="Search", exact=True).click()
     expect(page.get_by_text("enter the largest mass of the fins")).to_be_visible()
     mass.fill("300")
@@ -198,7 +199,10 @@ def test_tracked_controller_is_preselected_for_export(page):
 
 
 def test_model_curves_differ_from_measured_curves(page):
-    """Current-step runs have another colour, held-out runs a mark. The residual axis ignores the start."""
+    """Runs with current steps have another colour, and held-out runs a mark.
+
+    The vertical axis of residuals ignores the transient at the beginning of a run.
+    """
     go(page, "jobs")
     low, high = page.evaluate(RESIDUAL_RANGE)
     assert -60.0 < low < high < 60.0
@@ -212,7 +216,7 @@ def test_model_curves_differ_from_measured_curves(page):
     expect(swatches).to_have_count(2)
     colours = swatches.evaluate_all("all => all.map((one) => one.style.getPropertyValue('--swatch'))")
     assert len(set(colours)) == 2
-    # These are the measured and the modelled curve.
+    # One row for the measured curve and one for the model
     expect(page.locator(".readout-table tr.held")).to_have_count(2)
     expect(page.locator(".readout-table tr.held").last).to_contain_text("held out")
     shoot(page, "values-loops", whole=True)
@@ -238,7 +242,7 @@ def test_unchecked_run_is_not_marked_good(page):
 
 
 def test_channels_in_volts_offer_common_gains(site, page):
-    """Buttons answer the questions for columns and units. The user then enters gains in mm/V and kN/V."""
+    """The user answers questions for columns and units with buttons, and enters gains in mm/V and kN/V."""
     root, client = site
     a_logger_file(root / "runs" / "raw.txt")
     page.goto("/#/data?file=raw.txt")
@@ -263,8 +267,11 @@ def test_channels_in_volts_offer_common_gains(site, page):
     assert runs[0]["stroke_mm"] == pytest.approx(10.0, rel=0.02)
 
 
-def test_token_leaves_address_and_print_names_source(browser, site):
-    """The token is removed from the address, the navigation does not scroll, printed pages have a source."""
+def test_address_hides_token_and_print_names_files(browser, site):
+    """The token is removed from the address, and a printed page names its folder and files.
+
+    The navigation has no scroll bar.
+    """
     _, client = site
     with opened(browser, client.address) as page:
         page.goto(f"{client.address}?token={TOKENS[client.address]}#/data")

@@ -119,7 +119,7 @@ def test_url_restores_view_and_back_button_undoes_changes(browser, site, page):
     assert part != whole
     _drag(page, "Velocity loops", 0.3, 0.6)
     page.wait_for_url(lambda url: "view.v=" in url)
-    # A change of a file renews the list of runs.
+    # Changes of files renew the list of runs. This must not change the view.
     page.evaluate("import('/static/state.js').then(({ refresh }) => refresh())")
     page.get_by_role("button", name="measured").click()
     page.get_by_label("Cycles").select_option("3")

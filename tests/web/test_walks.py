@@ -1,4 +1,4 @@
-"""Less frequent actions of users: dropped files, channel maps, fits, dampers, Cancel, and a lost server."""
+"""Rarer actions of users: dropped files, channel maps, keyboard, several dampers, and a killed server."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.web.walking import drop_files, sine_columns
 
 pytestmark = pytest.mark.nightly
 
-TABS = 12  # This is more than the six connections that a browser opens to a server.
+TABS = 12  # A browser opens at most six connections to a server.
 REQUEST_MAX_S = 0.5
 SECOND = "Dämpfer 2 (RD-8040)"
 
@@ -64,7 +64,10 @@ def test_file_dropped_on_page_is_removed_and_restored(page, site, tmp_path):
     ("file", "offer"), [("ME5mm3Hz.txt", "utfsm logger"), ("ensaio.A.1.mat", "utfpr mat")]
 )
 def test_raw_file_is_mapped_in_three_actions(browser, tmp_path, real_data, file, offer):
-    """Three clicks (Look, Use, Save) give the runs of a packaged map. The loop is visible before saving."""
+    """Three clicks (Look, Use, Save) apply a channel map of the package to a raw file.
+
+    The page shows the force-displacement loop before the map is saved.
+    """
     with served(tmp_path / "damper") as client, opened(browser, client.address) as page:
         path = tmp_path / "damper" / "runs" / file
         shutil.copy(real_data / "raw" / file, path)
@@ -123,7 +126,7 @@ def test_fit_can_be_started_by_keyboard(page, site):
         )
         steps.append(at)
         if at["type"] == "checkbox" and sum(step["type"] == "checkbox" for step in steps) == 1:
-            page.keyboard.press("Space")  # This holds out the first run.
+            page.keyboard.press("Space")  # A selected run is held out from the fit.
         if at["id"] == "start-fit":
             break
     assert steps[-1]["id"] == "start-fit"
@@ -158,7 +161,8 @@ def test_dampers_have_separate_files(browser, tmp_path):
         expect(page.get_by_label("second", exact=True)).to_be_checked()
         own = root / "dampers" / SECOND
         assert (own / "runs" / "second.csv").is_file()
-        write_card_of(own / "cards" / "soft" / "card.json")  # A different program writes the file.
+        # The page must notice a card that another program writes.
+        write_card_of(own / "cards" / "soft" / "card.json")
         expect(page.get_by_label("soft", exact=True)).to_be_visible()
         page.locator("#folder").click()
         page.get_by_role("link", name="first", exact=True).click()
@@ -201,13 +205,13 @@ def test_open_page_recovers_after_power_failure(browser, tmp_path):
             client.kill()
             expect(page.locator("#lost")).to_be_visible()
         with served(root, "--port", port) as client:
-            # The page is not reloaded.
+            # The page reconnects without being reloaded.
             page.get_by_text("the server was stopped before the job was done").first.wait_for()
             shoot(page, "fit-interrupted")
             expect(page.locator("#lost")).to_be_hidden()
             expect(page.locator("#busy")).to_be_hidden()
             page.goto(f"{client.address}#/thermal?card=strong&heat.tab=Heat sink")
-            page.wait_for_selector("#use-sink")  # The finished search is displayed.
+            page.wait_for_selector("#use-sink")  # The page shows the result of the search before the failure.
     wait_until(lambda: not python_processes_of(root), 8.0)
 
 

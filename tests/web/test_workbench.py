@@ -1,4 +1,4 @@
-"""In a browser, files of one damper lead to its controller, and folders may hold many runs."""
+"""In a browser, measured files of a damper become a controller, and folders may contain many runs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.web.walking import VIEWS, a_logger_file, counted_actions, go, sine_co
 pytestmark = pytest.mark.nightly
 
 ACTIONS_MAX, RIG_ACTIONS_MAX, TABS_MAX = 30, 20, 25
-JOB_MAX_ms = 900_000  # A loaded machine is slow.
+JOB_MAX_ms = 900_000  # Other programs can slow the machine down.
 HEIGHT_MAX_px, RESULT_TOP_MAX_px, PHONE = 1500, 500, ViewportSize(width=390, height=844)
 RUNS, COPIES = 91, 7
 GEOMETRY = {
@@ -61,9 +61,10 @@ def map_logger_channels(page: Page) -> None:
 
 
 def test_logger_file_becomes_verified_fmu(browser, tmp_path):
-    """A raw file and the dimensions of the user's damper lead to a verified controller as an FMU.
+    """From a raw file and the dimensions of a damper, the workbench makes a verified FMU of a controller.
 
-    The user writes no TOML file and uploads no downloaded file. A changed geometry is reported.
+    The user writes no TOML file and uploads no downloaded file. The page marks the export as outdated after a
+    change of the geometry file.
     """
     folder = tmp_path / "damper"
     raw = a_logger_file(tmp_path / "Dämpfer_Prüfstand_20°C_1A.txt")
@@ -76,7 +77,7 @@ def test_logger_file_becomes_verified_fmu(browser, tmp_path):
         actions.part = "model"
         press(page, "Model", "link")
         actions.part = ""
-        page.select_option("#fit-law", "bouc-wen")  # The default compares all laws and takes longer.
+        page.select_option("#fit-law", "bouc-wen")  # The default compares all laws, which takes longer.
         actions.part = "model"
         press(page, "Identify")
         page.wait_for_selector("#fit-tiles", timeout=JOB_MAX_ms)
@@ -89,7 +90,7 @@ def test_logger_file_becomes_verified_fmu(browser, tmp_path):
         press(page, "Save and use it")
         page.wait_for_selector("[data-asked]")
         assert page.locator("#heat-damper").input_value() == "damper.toml"
-        # The first sine of the load cycle is within the range of the runs that the card was fitted to.
+        # The default load cycle stays within the range of the fitted runs.
         assert "extrapolated" not in page.inner_text("#quick-tiles")
         actions.part = "heat sink"
         press(page, "Search a heat sink")
@@ -103,7 +104,8 @@ def test_logger_file_becomes_verified_fmu(browser, tmp_path):
         page.wait_for_selector("[data-asked]")
         chosen = page.locator("#heat-damper").input_value()
         states = page.locator("[data-page]").evaluate_all("all => all.map((one) => one.dataset.step)")
-        assert states == ["done", "done", "old", "open", "open"]  # The search was for a different geometry.
+        # The heat sink search has not been repeated with the new geometry.
+        assert states == ["done", "done", "old", "open", "open"]
         actions.part = "controller"
         press(page, "Controller", "link")
         press(page, "Track")

@@ -1,4 +1,4 @@
-"""Jobs of the server run in separate processes, with Cancel, dead processes, and a restart of the server."""
+"""Jobs of the server run in processes that end after Cancel, after an error, and with the server."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.web.served import Client, is_alive, python_processes_of, served, wait
 
 pytestmark = pytest.mark.system
 
-LONG = {"law": "chain"}  # The fit takes much longer than the test.
+LONG = {"law": "chain"}  # This fit takes much longer than the test.
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def test_cancel_keeps_best_fit(idle):
     wait_until(lambda: not is_alive(pid), 8.0)
     job = client.ended(job_id, 3.0)
     assert job["state"] == "cancelled"
-    if job["answer"] is None:  # A slow machine may not finish the evaluation in time.
+    if job["answer"] is None:  # The fit may have no result yet on a slow machine.
         assert not (folder / "cards" / "kept").exists()
     else:
         assert job["answer"]["cancelled"] is True
@@ -163,7 +163,7 @@ def test_cancelled_job_leaves_no_partial_files(idle, kind, options):
     before = {path.name for path in (root / "runs").iterdir()}
     job_id = client.job(kind, **options)
     pid = int(client.until(job_id, {"running"})["pid"])
-    time.sleep(1.5)  # The job is computing.
+    time.sleep(1.5)  # The job is now computing.
     client.ask("POST", f"/api/jobs/{job_id}/cancel")
     assert client.ended(job_id, 5.0)["state"] == "cancelled"
     wait_until(lambda: not is_alive(pid), 6.0)
