@@ -29,7 +29,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # The tests run in one proce
 
 gc.disable()  # Most objects that the collection creates exist until the end of the session.
 
-# nohup disables SIGINT and SIGHUP. Processes inherit this, but the tests send these signals to them.
+# nohup disables SIGINT and SIGHUP, and child processes inherit this. The tests need both signals.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 

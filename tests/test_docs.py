@@ -112,7 +112,7 @@ def commands_of(body: str) -> Iterator[tuple[str, list[str]]]:
 
 
 def words_of(line: str) -> list[str]:
-    """Return the words of a line, without the lines that frame tables."""
+    """Return the words of a line without the frames of tables. A computing time becomes TIME."""
     return re.sub(r"[\u2500-\u257f]", " ", _TIME.sub("TIME", line)).split()
 
 

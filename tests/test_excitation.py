@@ -36,7 +36,7 @@ motions = st.one_of(
 
 @given(motion=motions, t=st.floats(0.0, 10.0))
 def test_velocity_is_derivative_of_displacement(motion, t):
-    """Central differences with 1 % of the shortest period have an error of second order."""
+    """Central differences with steps of 1 % of the shortest period agree within their own error."""
     fastest = 2 * np.pi * 80.0  # The frequency of a chirp also changes after its duration.
     h = 0.01 / fastest
     slope = (motion.displacement(t + h) - motion.displacement(t - h)) / (2 * h)

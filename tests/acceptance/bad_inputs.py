@@ -231,7 +231,7 @@ def workbook(sheet: bytes, *, stated: int | None = None) -> bytes:
 
 
 def bomb(stated: int) -> Callable[[Path], Arguments]:
-    """Return a function that writes a workbook of 40 kB. It unpacks to 40 MB but states ``stated`` bytes."""
+    """Return a function that writes a workbook that unpacks to 40 MB but states ``stated`` bytes."""
 
     def make(folder: Path) -> Arguments:
         row = b'<row r="1">' + b"<c><v>0</v></c>" * 4 + b"</row>"

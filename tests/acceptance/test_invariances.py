@@ -1,4 +1,4 @@
-"""Changes of measured data that add or remove no information do not change the identified model."""
+"""The identified model does not change if the data contain the same information in another form."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STANDARD_ERROR_RATIO_MAX = 0.05  # Parameters with a larger relative standard er
 
 @dataclass(frozen=True)
 class Case:
-    """Hold a data set and the name of its hysteresis model. Without a name, the fit selects the model."""
+    """Data set and the name of its hysteresis model. Without a name, the fit selects the model."""
 
     runs: Dataset
     hold_out: tuple[str, ...]
@@ -189,7 +189,7 @@ def test_worker_count_does_not_change_parameters(case: Case, fitted: FitResult) 
 
 
 def test_split_run_gives_same_parameters(case: Case, fitted: FitResult) -> None:
-    """A logger may write one run into two files whose times continue on one clock."""
+    """A logger may write one run into two files. The time of the second file continues the first."""
     first, *others = case.runs
     assert_equal(fitted, case.fit(Dataset((*halves(first), *others))))
 
@@ -216,7 +216,7 @@ def test_flip_force_option_corrects_load_cell_sign(case: Case, fitted: FitResult
 
 
 def test_mirrored_data_give_mirrored_model() -> None:
-    """A damper without preferred direction keeps its parameters; only the force offset changes its sign."""
+    """With mirrored motion and force, only the force offset of a symmetric damper changes its sign."""
     motions = {"slow": Sine(5e-3, 1.0), "fast": Sine(3e-3, 2.0), "long": Sine(15e-3, 1.0)}
     reference = REFERENCE_DAMPERS["bouc-wen"]
     damper = replace(reference, coefficients={**reference.coefficients, "offset": Constant(0.0)})

@@ -109,8 +109,8 @@ def test_held_out_temperatures_increase_error_little(preset, law):
 def test_held_out_chirp_increases_error_little(law):
     """The chirp reaches 8 Hz and 150 mm/s, four times the largest speed of the training motions.
 
-    The limit is 1.5 times the training error. At the training temperatures, the factor is 1.6 for the default
-    law: at 20 degC, its error is 1.57 times its training error of 15 N.
+    The error of the chirp is at most 1.5 times the training error. At the training temperatures, the limit of
+    the default law is 1.6 because the ratio at 20 degC is 1.57.
     """
     errors = errors_of("nominal", law)
     trained = over(errors, TRAINED_MOTIONS, TRAINED)
@@ -123,7 +123,7 @@ def test_held_out_chirp_increases_error_little(law):
     [pytest.param(SELECTED, 35.0, marks=_not_met("40.3 N at 20 degC, 35 are asked")), (PLAIN, 55.0)],
 )
 def test_chirp_error_of_hard_damper_is_limited(law, bar_N):
-    """The training motions are too slow for the high shear rates at which the viscosity decreases."""
+    """Unlike the training motions, the chirp reaches shear rates at which the viscosity decreases."""
     errors = errors_of("hard", law)
     assert {t: round(errors[CHIRP, t], 1) for t in (*TRAINED, *HELD_OUT) if errors[CHIRP, t] > bar_N} == {}
 
@@ -149,7 +149,7 @@ def errors_without_temperature(preset: str, known: str) -> Errors:
 @pytest.mark.parametrize(("known", "times"), [("20 degC", 4.0), ("pooled", 2.0)])
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
 def test_model_without_temperature_is_inaccurate_when_hot(preset, known, times):
-    """At 123 degC, errors are at least 4 (fit to runs at 20 degC) or 2 times (fit to all runs) as large."""
+    """Ignored temperature multiplies errors at 123 degC by 4 (fit at 20 degC) or by 2 (fit to all runs)."""
     aware, unaware = errors_of(preset, SELECTED), errors_without_temperature(preset, known)
     for motion in (*TRAINED_MOTIONS, CHIRP):
         assert unaware[motion, 123] >= times * aware[motion, 123], motion
@@ -157,7 +157,7 @@ def test_model_without_temperature_is_inaccurate_when_hot(preset, known, times):
 
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
 def test_model_without_temperature_is_accurate_when_cold(preset):
-    """At 20 degC, the error is at most 1.5 times as large, so larger errors at 123 degC are thermal."""
+    """At 20 degC, the error is at most 1.5 times the error of the temperature-dependent model."""
     aware, unaware = errors_of(preset, SELECTED), errors_without_temperature(preset, "20 degC")
     assert over(unaware, TRAINED_MOTIONS, [20]) <= 1.5 * over(aware, TRAINED_MOTIONS, [20])
 
@@ -242,7 +242,7 @@ def test_displacement_noise_keeps_fitted_exponent_unbiased(terms):
 
 
 def peak_of(damper: Damper, degrees: float) -> float:
-    """Return the peak force [N] after 2 s of the paper's thermal test motion at 2 A."""
+    """Return the peak force [N] at 2 A in the thermal test motion of the paper, after the first 2 s."""
     path = drive(THERMAL_MOTION, duration=3.0, rate_Hz=2000.0, command=2.0, temperature=degrees + KELVIN)
     return float(np.abs(simulate(damper, path)[4000:]).max())
 
@@ -306,7 +306,7 @@ def first_time(risen: np.ndarray, step: float) -> float:
 
 @cache
 def lateness(preset: str, degrees: float) -> Mapping[tuple[float, float], float]:
-    """Return the response time [ms] of the model minus the response time of the plant for each step."""
+    """Return how much later the model responds than the plant [ms], for each current step."""
     damper = default_fit(preset, SELECTED).damper
     return {
         step: 1e3 * (t63_of_model(damper, *step, degrees) - t63_of_plant(preset, *step, degrees))

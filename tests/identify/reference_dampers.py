@@ -1,4 +1,4 @@
-"""Dampers with known parameters, and simulated runs for fits that recover them."""
+"""Dampers with known parameters, and simulated runs of these dampers."""
 
 from __future__ import annotations
 
@@ -113,7 +113,10 @@ REFERENCE_DAMPERS: Mapping[str, Damper] = {
 def simulate_runs(
     damper: Damper, *, noise: float, seed: int, duration: float = 4.0, rate_Hz: float = 500.0
 ) -> tuple[PreparedRun, ...]:
-    """Return a run for each motion and current. ``noise`` is relative to the scatter of the force."""
+    """Return a run for each motion and current.
+
+    ``noise`` is a fraction of the standard deviation of force.
+    """
     rng = np.random.default_rng(seed)
     runs = []
     for label, motion in MOTIONS.items():

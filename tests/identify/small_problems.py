@@ -1,4 +1,4 @@
-"""Fit problems with known solutions: linear regression, and dampers fitted to their own force."""
+"""Fit problems with known solutions: linear regression, and dampers fitted to their simulated force."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LINEAR = ("viscosity.value", "stiffness.value", "offset.value")
 def fitted(
     truth: Damper, free: Sequence[FreeParameter], *, noise: float = 0.02, seed: int = 0
 ) -> tuple[FitProblem, SearchResult]:
-    """Fit parameters of a damper to its own simulated noisy force. All others keep their true values."""
+    """Fit the ``free`` parameters of a damper to its simulated force. All other parameters stay correct."""
     problem = FitProblem(
         truth,
         tuple(free),

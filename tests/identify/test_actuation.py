@@ -105,7 +105,7 @@ def errors_of(result: ActuationFit) -> FloatArray:
 
 @pytest.mark.nightly
 def test_identified_lags_are_within_standard_errors():
-    """At most one of 16 lags (four lags, four seeds) is off by three standard errors, and none by four."""
+    """At most one of 16 lags (four lags, four seeds) deviates by three standard errors, and none by four."""
     deviations = []
     for seed in range(4):
         result = fit_known("slow fall", seed=seed)
@@ -124,7 +124,7 @@ def test_identified_lags_are_exact_without_noise(name):
 
 
 def test_identified_lags_ignore_force_errors_of_law():
-    """A law with 20 % too much yield force and an offset error of 50 N gives the same lags."""
+    """The lags stay the same if the law has 20 % too much yield force and an offset error of 50 N."""
     yield_force = LAW.coefficients["yield_force"]
     assert isinstance(yield_force, Polynomial)
     stronger = Polynomial(tuple(1.2 * number for number in yield_force.parameters))
@@ -137,7 +137,7 @@ def test_identified_lags_ignore_force_errors_of_law():
 
 
 def test_response_time_ignores_force_change_over_stroke():
-    """A force that is a third larger at the ends of the stroke changes the times by less than 8 %."""
+    """A force that is a third larger at both ends of the stroke changes the times by less than 8 %."""
     run = simulate_runs(with_actuation(KNOWN["slow rise"]), seed=2)
     x = run.trajectory.displacement
     result = fit(replace(run, force=run.force * (1.0 + 0.3 * (x / x.max()) ** 2)))
@@ -178,7 +178,10 @@ def test_response_times_are_found_from_random_current():
 
 @pytest.mark.nightly
 def test_immediate_fraction_of_force_is_identified():
-    """The fit finds the known fraction of the bristle force, 0.5, from two starting values."""
+    """Half of the bristle force follows the current immediately.
+
+    The fit finds this from two initial values.
+    """
     bristles = {"bristle_share": 0.9, "bristle_stiffness": 4e5, "friction_force": 60.0}
     chain = with_constants(REFERENCE_DAMPERS["chain"], **bristles, friction_stiffness=2e5)
     truth = with_actuation(KNOWN["slow rise"], with_constants(chain, follow_share=0.5))
@@ -194,7 +197,7 @@ def test_immediate_fraction_of_force_is_identified():
 
 @given(st.integers(0, 2**32 - 1), st.integers(2, 5), st.integers(2, 6))
 def test_error_of_mean_response_time_includes_scatter(seed, kind_count, repeat_count):
-    """The error combines 6 % of the mean with the larger scatter, between step kinds or repeated steps."""
+    """The standard error combines 6 % of the mean with the scatter of step kinds or of repeated steps."""
     times = np.random.default_rng(seed).uniform(5e-3, 2e-2, (kind_count, repeat_count))
     pairs = [((0, kind), float(time_s)) for kind, row in enumerate(times) for time_s in row]
     mean = mean_time(pairs, 0.06)
@@ -255,7 +258,7 @@ def test_one_quadrant_driver_is_detected():
 
 @pytest.mark.nightly
 def test_freewheeling_time_is_identified():
-    """The error is at most 2 % with current steps and random current. A two-quadrant driver has time zero."""
+    """The error is at most 2 %. A driver that can reverse its voltage gets no free-wheeling time."""
     known = Actuation(0.005, 0.001, 0.001, 0.001, hysteresis_width_A=0.05, freewheel_time_s=0.025)
     damper = with_actuation(known)
     runs = [simulate_runs(damper, seed=6), simulate_runs(damper, current=random_current())]

@@ -33,8 +33,8 @@ VOLUME = np.array(
 )
 Column = Callable[[float], FloatArray]
 
-# Each problem contains y / b1, its derivative with respect to b2, and two starting points (b1, b2). The last
-# values are the certified b1, b2 and sum of squared residuals.
+# Each problem contains the model divided by b1, its derivative with respect to b2, and two starting points
+# (b1, b2). The last values are the certified b1, b2 and sum of squared residuals.
 PROBLEMS: dict[str, tuple[Column, Column, tuple[tuple[float, float], ...], tuple[float, float, float]]] = {
     "Misra1a": (
         lambda b: 1.0 - np.exp(-b * PRESSURE),
@@ -75,7 +75,7 @@ class Certified(Objective):
         self.column, self.slope, self.evaluations = column, slope, 0
 
     def sums(self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True) -> FloatArray:
-        """Return the scalar products of the derivatives by b2 and b1 and the residual, a matrix per point."""
+        """Return a matrix of scalar products per point: derivative by b2, derivative by b1, and residual."""
         self.evaluations += len(nonlinear)
         sums = []
         for b2, b1 in zip(nonlinear[:, 0].tolist(), linear[:, 0].tolist(), strict=True):

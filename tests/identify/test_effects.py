@@ -80,7 +80,7 @@ def stacked(found: ResidualAnalysis, kind: str, factors: FloatArray) -> tuple[Fl
 
 @pytest.mark.parametrize("kind", ["force_gain", "force_delay", "command_label", "force_offset_of_run"])
 def test_measurement_error_equals_least_squares_estimate(noisy, kind):
-    """The size equals the joint least-squares estimate with the parameters, even if these are not optimal."""
+    """The size equals the least-squares estimate that includes the free parameters of the damper."""
     free = ("viscosity.c0", "yield_force.c1", "rho.value")
     found = analyse_residuals(TRUTH, noisy, free)
     one = (np.arange(len(noisy)) == 4).astype(float)
@@ -104,7 +104,7 @@ def test_measurement_error_equals_least_squares_estimate(noisy, kind):
             left = run.residual if kind == "force_offset_of_run" else run.residual - run.residual.mean()
             total += (1.0 if factors is one else run.weight) * float(left @ left)
         assert effect.fraction == pytest.approx(gained / scale / total, rel=1e-5)
-        # The standard error counts a tenth of the samples because neighbouring samples are correlated.
+        # The standard error is based on a tenth of the samples because neighbouring samples are correlated.
         count = sum(
             len(run.residual) for k, run in enumerate(found.residuals) if factors is not one or k == 4
         )

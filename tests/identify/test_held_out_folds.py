@@ -1,4 +1,4 @@
-"""Refits without a motion give the expected error of new runs, the force band and standard errors."""
+"""Refits without one motion give the expected error, the force band and standard errors of a model."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_force_band_of_wrong_model_covers_new_motion() -> None:
 
 
 def test_standard_errors_of_wrong_model_cover_refits() -> None:
-    """These standard errors cover the changes of parameters between refits. Errors from residuals do not."""
+    """Standard errors between motions cover the refitted parameters, errors from residuals do not."""
     problem, result = fitted("bingham", "dahl", noise=0.01)
     left = refit_without_folds(problem, result)
     assert left is not None

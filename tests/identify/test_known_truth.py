@@ -109,7 +109,7 @@ def test_fitted_parameters_are_exact_without_noise(law: str) -> None:
 
 
 def test_lag_is_recovered_from_changing_current() -> None:
-    """The lag between current and force is an ordinary parameter if the current changes."""
+    """If the current changes, the fit identifies the lag between current and force like a parameter."""
     truth = replace(REFERENCE_DAMPERS["bouc-wen-saturating"], command_lag_s=0.012)
     time = np.arange(4001) * 0.002
     command = np.where((time % 1.3) < 0.6, 2.0, 0.5) * (time > 0.4)

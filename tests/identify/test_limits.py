@@ -66,7 +66,8 @@ def test_parameter_without_effect_stays_small() -> None:
         Recording(
             name=f"{current:.1f} A",
             time=time,
-            displacement=0.01 * np.round(volts, 5),  # Rounded like a data logger; few velocities are zero.
+            # A data logger rounds like this, so few velocities are zero.
+            displacement=0.01 * np.round(volts, 5),
             force=980.665 * np.round(strength * np.tanh(speed) + 0.05 * speed, 5),
             command=np.full(len(time), current),
             command_unit="A",

@@ -27,7 +27,7 @@ def test_runs_with_extreme_currents_are_never_held_out() -> None:
 
 
 def test_each_run_section_belongs_to_one_fold() -> None:
-    """A single run is divided into sections. Each section is held out once and trained on otherwise."""
+    """A single run has several sections. Each section is held out once and fitted in all other folds."""
     runs = RUNS[:1]
     folds = folds_of(runs)
     damper, free = template("bingham", runs, one_command=True)

@@ -87,7 +87,7 @@ def test_posterior_samples_match_standard_errors():
 
 
 def test_posterior_samples_stay_inside_bounds():
-    """The standard errors are much larger than the bounds, so the samples fill the range between them."""
+    """The standard errors exceed the range between the bounds, so the samples fill this range."""
     _, problem, result = random_campaign(1)
     wide = with_standard_errors(result, rho=1e6, kappa=50.0, yield_force=2000.0)
     samples = sample_posterior(problem, wide, draws=2000)

@@ -1,4 +1,4 @@
-"""A fit proposes tests inside the measured range. A proposed test reduces the uncertainty most."""
+"""A fit proposes tests in the measured range that reduce the uncertainty more than repeated runs."""
 
 from __future__ import annotations
 

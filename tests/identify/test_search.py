@@ -74,10 +74,7 @@ def test_gram_matrices_match_central_differences() -> None:
 
 @pytest.mark.parametrize("tangents", [True, False])
 def test_elimination_without_noise_recovers_linear_parameters(tangents: bool) -> None:
-    """The initial parameters are 1000 times too large.
-
-    Elimination still reduces the cost to rounding errors.
-    """
+    """Elimination reduces the cost to rounding errors, even from values that are 1000 times too large."""
     objective = objective_of(noise=0.0)
     nonlinear, linear = values_of(objective, DAMPER)
     result = objective.eliminate(nonlinear, 1e3 * linear, tangents=tangents)
@@ -142,7 +139,7 @@ Residuals = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 @dataclass
 class LeastSquares:
-    """Objective without linear parameters. The factor ``off`` falsifies its derivatives."""
+    """Objective without linear parameters. The derivatives are wrong by the factor ``off``."""
 
     residuals: Residuals
     free: tuple[FreeParameter, ...]

@@ -118,10 +118,7 @@ def test_response_times_of_measured_force_are_reproduced():
 
 
 def test_crossing_time_of_exponential_is_time_constant():
-    """A response that never reaches 63 % has the time NaN.
-
-    A response above 63 % from the beginning has zero.
-    """
+    """A response below 63 % has the time NaN. A response that begins above 63 % has the time zero."""
     time = 1e-4 * np.arange(1000)
     assert crossing_time(1.0 - np.exp(-time / 0.01), 1e-4) == pytest.approx(0.01, rel=0.03)
     assert np.isnan(crossing_time(np.full(20, 0.5), 1e-3))

@@ -1,4 +1,4 @@
-"""The initial damper of a fit has the chosen temperature dependence, and the fit recovers a known one."""
+"""A fit begins with the chosen temperature dependence and recovers the dependence of simulated runs."""
 
 from __future__ import annotations
 
@@ -44,10 +44,7 @@ def run_at(
     name: str = "",
     until: float | None = None,
 ) -> PreparedRun:
-    """Return a noiseless run at ``celsius`` or warming to ``until`` [degC].
-
-    None omits the temperature channel.
-    """
+    """Return a noiseless run at ``celsius``, or warming to ``until``. None omits the temperature channel."""
     path = drive(motion, duration=2.0, rate_Hz=250.0, command=command)
     if celsius is not None:
         end = celsius if until is None else until

@@ -147,7 +147,7 @@ def test_standard_errors_between_motions_match_regression(linear):
 
 
 def test_force_band_contains_90_percent_of_errors():
-    """The error is uniform between zero and the reference width of the band, so 90 % are below 0.9."""
+    """The error is uniform between zero and the reference width, so 90 % are below 0.9 of this width."""
     rng = np.random.default_rng(0)
     folds = []
     for _ in range(4):

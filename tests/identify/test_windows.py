@@ -56,7 +56,7 @@ def cost(damper: Damper, windows: Sequence[FitWindow]) -> float:
 
 
 def wrong(damper: Damper) -> Damper:
-    """Return a damper with a model error: 10 % less force, and thus a larger error at small amplitudes."""
+    """Return a damper with 10 % less yield force."""
     return damper.with_parameters(
         {name: 0.9 * value for name, value in damper.parameters.items() if name.startswith("yield_force.")}
     )

@@ -101,7 +101,8 @@ def test_temperature_limits_refer_to_hottest_points(answer):
 
 def test_heating_page_has_figures_without_external_files(answer, folder):
     page = (folder / "out" / "heat.html").read_text(encoding="utf-8")
-    assert "fingerprint of its training runs" in page  # The last lines of the page name the card.
+    # The last lines of the page state the source of the card.
+    assert "fingerprint of its training runs" in page
     assert "mrdamper 0." in page
     assert re.findall(r'(?:src|href)="https?://', page) == []
     pictures = re.findall(r"<svg.*?</svg>", page, flags=re.DOTALL)
@@ -156,9 +157,8 @@ def test_heating_curve_ends_at_fluid_limit(folder):
     assert (ended["sink"], ended["without_sink"]) == (None, None)
     assert ended["curve"]["fluid_degC"][-1] == pytest.approx(130.0, abs=1e-6)
     assert ended["time_to_limit_s"] == pytest.approx(gone_on["time_to_limit_s"], abs=1.0)
-    assert (
-        ended["time_to_limit_s"] < ended["curve"]["time_s"][-1]
-    )  # The hottest point reaches the limit before the mean temperature, at which the curve ends.
+    # The hottest point reaches the limit before the mean temperature, at which the curve ends.
+    assert ended["time_to_limit_s"] < ended["curve"]["time_s"][-1]
     early, late = ended["time_to_limit_interval_s"]
     assert early < ended["time_to_limit_s"] < (late or np.inf)
     assert gone_on["curve"]["time_s"][-1] == pytest.approx(3000.0)
@@ -228,10 +228,7 @@ def test_heating_interval_contains_curve_and_time(folder):
 
 @pytest.fixture(scope="module")
 def astray(folder) -> tuple[Path, float]:
-    """Write 8 min of the heating curve of a damper with wrong geometry, and return the path.
-
-    The second value is the fluid temperature of this damper after the load cycle.
-    """
+    """Return a file with 8 min of the heating curve of a perturbed damper, and its final temperature."""
     drawing = read_drawing(PAPER_DRAWING)
     winding = replace(drawing.coil.material, conductivity=0.8 * drawing.coil.material.conductivity)
     own = replace(drawing.calibration, heat_capacity=1.25, film=1.1)

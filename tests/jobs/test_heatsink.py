@@ -53,7 +53,7 @@ def test_heat_sink_front_is_ordered_by_mass(answer):
 
 @pytest.mark.nightly
 def test_best_heat_sink_is_cooler_and_lighter():
-    """The coolest heat sink is 8 K cooler. The lightest equally cool heat sink has 55 % of the mass."""
+    """The coolest heat sink is 8 K cooler. The lightest equally cool heat sink has about half the mass."""
     options = HeatsinkOptions(span_mm=84.0, by_field=False)
     run = heatsink(paper_card(), read_drawing(PAPER_DRAWING), read_duty(DEFAULT_DUTY), options)
     assert run.reference.fluid - 273.15 == pytest.approx(75.5, abs=0.5)

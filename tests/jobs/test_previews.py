@@ -117,7 +117,8 @@ def test_reduced_samples_keep_extremes_of_intervals(tmp_path):
     inside = (whole["time_s"] >= 2.0) & (whole["time_s"] <= 3.0)
     assert np.array_equal(part["force_N"], whole["force_N"][inside])
     keep_window(tmp_path / "0.series", tmp_path / "like", most=10, samples_of=tmp_path / "0.series")
-    assert 10 < len(read_series(tmp_path / "like")[1]["time_s"]) <= 64  # The smallest limit is 64 samples.
+    # A limit below 64 samples is raised to 64.
+    assert 10 < len(read_series(tmp_path / "like")[1]["time_s"]) <= 64
     with pytest.raises(InputError, match=r"no sample from 30 to None s.*a part of 0 to 20 s"):
         keep_window(tmp_path / "0.series", tmp_path / "none", from_s=30)
 

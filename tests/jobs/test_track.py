@@ -181,7 +181,7 @@ def test_card_of_another_damper_is_noted(folder, force, noted):
 
 
 def test_unattainable_default_targets_are_omitted(folder):
-    """At two of three targets, the damper force exceeds the target most of the time, even without current."""
+    """For two of three targets, the force without current exceeds the target most of the time."""
     strong = rig_damper(force=20.0)
     thick = replace(strong, coefficients={**strong.coefficients, "viscosity": Constant(1e6)})
     path = write_card_of(folder / "thick.json", thick)

@@ -125,7 +125,7 @@ def signal_handlers():
 
 @pytest.mark.usefixtures("signal_handlers")
 def test_innermost_interrupt_handler_receives_signal():
-    """At the end of a block, the previous signal handlers are restored."""
+    """At the end of a ``with on_interrupt`` block, the previous signal handlers are restored."""
     seen: list[str] = []
     with on_interrupt(lambda: seen.append("outer")):
         with on_interrupt(lambda: seen.append("inner")):

@@ -63,7 +63,7 @@ with atomic_output(pathlib.Path(sys.argv[1])) as stage:
 
 
 def test_next_job_moves_files_of_killed_job(tmp_path: Path):
-    """A job is killed after two of five files have been moved. The next job there moves the others."""
+    """A job is killed after moving two of five files. The next job with this output moves the others."""
     out = tmp_path / "out"
     out.mkdir()
     for k in range(5):
@@ -81,7 +81,7 @@ def test_next_job_removes_unfinished_files(tmp_path: Path):
     """Unfinished files of a killed job are removed. Files of a running job are kept."""
     for _ in range(3):
         subprocess.run([sys.executable, "-c", KILLED_WHILE_WRITING, str(tmp_path / "out")], check=False)
-        assert len(left_behind(tmp_path)) == 1  # The job has removed the files of the previous job.
+        assert len(left_behind(tmp_path)) == 1  # Each job removes the files that the previous job has left.
     with atomic_output(tmp_path / "other") as stage:
         (stage / "mine.txt").write_text("mine")
         recover_staging(tmp_path)

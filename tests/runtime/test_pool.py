@@ -26,7 +26,7 @@ def _slow_first(k: int) -> int:
 @pytest.mark.parametrize("threads", [False, True])
 @pytest.mark.parametrize("jobs", [1, 2, 3])
 def test_pool_results_keep_order_of_items(jobs: int, *, threads: bool):
-    """The order of the results does not depend on the number of jobs."""
+    """The order of the results does not depend on the number of processes or threads."""
     assert list(Pool(jobs).map(_slow_first, range(7), threads=threads)) == [k * k for k in range(7)]
 
 

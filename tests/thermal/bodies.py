@@ -120,7 +120,7 @@ def score_body(seed: int) -> BodyScore:
 
 
 def odd_bodies(count: int) -> list[int]:
-    """Return the first odd seeds, which are reserved for reports."""
+    """Return the first odd seeds. Constants of the models were chosen with even seeds."""
     return [2 * k + 1 for k in range(count)]
 
 

@@ -50,9 +50,8 @@ def test_narrow_fin_gaps_have_developed_flow(ratio):
     )
     # Flow through the lower half of the rim, divided by the speed Ra / 12
     enters = 2.0 * (1.0 - ring.sol(1.0)[1])
-    exact = enters / (
-        12.0 * math.pi * (1.0 - inner**2)
-    )  # The flow is divided by 12 and by the area of both faces of a fin, in units of (D / 2)^2.
+    # The flow is divided by 12 and by the area of both faces of a fin, in units of (D / 2)^2.
+    exact = enters / (12.0 * math.pi * (1.0 - inner**2))
     assert float(nusselt_annular_fins(1e-3, ratio)) / 1e-3 == pytest.approx(exact, rel=1e-6)
 
 

@@ -1,4 +1,4 @@
-"""Derating: permissible loads respect every temperature limit, larger loads exceed one of them."""
+"""Permissible loads respect every temperature limit, and larger loads exceed a limit."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def derated(quantity: Quantity):
 
 
 def test_largest_current_reaches_temperature_limit():
-    """The reference is the temperature rise of one condition of the map, computed separately."""
+    """The reference is a separate simulation of one condition of the derating map."""
     found = derated("current")
     for a, ambient in enumerate(SMALL.ambient):
         share, part = found.share[0, 0, a], int(found.part[0, 0, a])

@@ -91,7 +91,7 @@ def test_finite_elements_confirm_heat_sink_gain(found, reference):
 
 @pytest.mark.nightly
 def test_freefem_confirms_heat_sink_gain(found, tool, tmp_path):
-    """FreeFEM solves the same section. Its steps of 300 s cause errors of some tenths of 1 K."""
+    """FreeFEM solves the heat equation in the same section. Steps of 300 s cause errors of tenths of 1 K."""
     tool("FreeFem++")
     pytest.importorskip("skfem")
     ends = []
@@ -99,7 +99,7 @@ def test_freefem_confirms_heat_sink_gain(found, tool, tmp_path):
         (tmp_path / name).mkdir()
         model = build_field(DRAWING.with_sink(sink), size=0.02)
         ends.append(run_freefem(write_freefem(model, DAMPER.loads[0], tmp_path / name, step=300.0)).fluid[-1])
-    assert ends[0] - ends[1] >= 8.0  # The other two models give 8 K, too.
+    assert ends[0] - ends[1] >= 8.0  # The other two models also give 8 K.
 
 
 def test_designed_sinks_respect_limits(found):

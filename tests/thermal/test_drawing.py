@@ -1,4 +1,4 @@
-"""Geometry files have millimetres and degC, are read in SI units, and impossible dampers are rejected."""
+"""Geometry files are written in mm and degC and read in SI units. Impossible dampers are rejected."""
 
 from __future__ import annotations
 
@@ -103,10 +103,7 @@ def test_every_geometry_key_is_documented():
 
 @pytest.mark.parametrize("through", [True, False])
 def test_damper_heat_capacity_covers_all_parts(through: bool):
-    """The stated 800 + 5 T J/K has the mean 1200 J/K from 20 to 140 degC.
-
-    Calibration multiplies it by 1.1.
-    """
+    """The stated capacity 800 + 5 T J/K has the mean 1200 J/K. Calibration multiplies the mean by 1.1."""
     rows = "\n[heat_capacity]\nrange_degC = [20, 140]\ndamper_J_K = [800, 5]\n"
     ends = ("[rod]\n", f"[rod]\nthrough = {str(through).lower()}\n")
     text = changed(ends, ("length_mm = 20\n", "length_mm = 35\n"))

@@ -53,7 +53,7 @@ def test_heat_capacity_is_slope_of_heat(values: list[float], kelvin: float):
 
 
 def test_capacity_polynomial_in_celsius_is_evaluated():
-    """C = 800 + 2 T + 0.01 T^2 with T in degC, constant outside of the range."""
+    """The capacity is 800 + 2 T + 0.01 T^2 with T in degC, and constant outside the stated range."""
     stated = PolynomialHeatCapacity(range_degC=(20.0, 140.0), fluid_J_kg_K=(800.0, 2.0, 0.01))
     curve = stated.parts["fluid"]
     at = [curve.evaluate(degrees + ZERO_CELSIUS_K) for degrees in (-10.0, 20.0, 100.0, 140.0, 200.0)]

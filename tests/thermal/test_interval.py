@@ -122,7 +122,7 @@ def test_ten_minutes_predict_temperature_of_perturbed_dampers(base):
     """With 10 min of data, the RMS error after 30 min is below 2 K, and most intervals are correct."""
     found = score(base, 6, 10.0, seed=3)
     assert found.rmse < 2.0
-    assert found.inside >= 0.5  # The limit is 85 % minus 2.5 standard deviations.
+    assert found.inside >= 0.5  # The limit is 85 % minus 2.5 standard deviations of this fraction.
 
 
 @pytest.mark.release

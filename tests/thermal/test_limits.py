@@ -1,4 +1,4 @@
-"""Temperature limits of parts: the first time at a limit, and limits in the geometry file."""
+"""The first time at a temperature limit is exact, and limits in the geometry file have priority."""
 
 from __future__ import annotations
 

@@ -257,9 +257,8 @@ def test_network_conserves_energy_for_any_design(fins, width, air, step, start, 
 def test_network_steps_converge_with_second_order():
     """Halving the step divides the error by about four (observed order 1.9 or more)."""
     network = zone_network(DRAWING)
-    warm = simulate_network(network, [Load(120.0, fading, 16.8)], longest_step=1.0).temperature[
-        -1
-    ]  # The initial transient is over.
+    # The simulation begins after the initial transient.
+    warm = simulate_network(network, [Load(120.0, fading, 16.8)], longest_step=1.0).temperature[-1]
     load = [Load(960.0, fading, 16.8)]
     exact = simulate_network(network, load, start=warm, longest_step=0.25).fluid[-1]
     errors = []

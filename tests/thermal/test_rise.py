@@ -63,10 +63,7 @@ def test_load_cycle_table_has_segment_per_row(tmp_path):
 
 
 def test_equivalent_stroke_displaces_same_fluid_volume():
-    """The equivalent sine displaces the mean volume per time.
-
-    Its amplitude is weighted by displaced volume.
-    """
+    """The equivalent sine displaces the mean volume per time. The amplitude is weighted by this volume."""
     sines = [(0.015, 1.0, 600.0), (0.004, 5.0, 300.0)]
     segments = [segment_of(Sine(size, hertz), 1.0, seconds) for size, hertz, seconds in sines]
     rest = replace(segments[0], path=None, duration=300.0)

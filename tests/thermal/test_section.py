@@ -88,7 +88,7 @@ def test_outline_has_all_cooled_areas(drawing: DamperDrawing):
 
 @pytest.mark.parametrize(("width", "layer"), [(0.02, 0.5e-3), (0.003, 0.3e-3)])
 def test_contact_resistance_equals_thin_layer(width: float, layer: float):
-    """The layer is 0.5 mm or a tenth of the fin width thick. It conducts heat axially like the fin."""
+    """The layer is 0.5 mm thick, or thinner at narrow fins. Axially, the layer conducts like the fin."""
     assert FINNED.sink is not None
     section = section_of(FINNED.with_sink(replace(FINNED.sink, width=width)))
     feet = [each for each in section.blocks if section.regions[each.region].name == "fin feet"]

@@ -38,10 +38,7 @@ G = 9.80665
 
 
 def published_still(rayleigh: float, ratio: float) -> float:
-    """Return the Nusselt number of Tsubouchi and Masuda.
-
-    ``ratio`` is fin diameter divided by tube diameter.
-    """
+    """Return the Nusselt number of Tsubouchi and Masuda. ``ratio`` is fin diameter by tube diameter."""
     share = 1.0 / ratio
     beta = 0.17 * share + math.exp(-4.8 * share)
     c = ((23.7 - 1.1 * (1.0 + 152.0 * share**2) ** 0.5) / (1.0 + beta)) ** (4.0 / 3.0)
@@ -200,7 +197,7 @@ def test_groove_radiation_equals_sum_of_reflections(finish):
 
 @given(amplitude=st.floats(5e-4, 0.1), frequency=st.floats(0.05, 20.0), gap=st.floats(5e-4, 3e-3))
 def test_moving_fluid_conductances_match_published_equations(amplitude, frequency, gap):
-    """The references are Stephan's slit, penetration into renewed fluid, and half of the displaced fluid."""
+    """The references are Stephan's equation of slits, penetration into renewed fluid, and displaced fluid."""
     k, heat, piston, gap_area, long, chamber, width = 0.3, 1.9e6, 8e-4, 1.1e-4, 0.07, 0.06, 0.011
     channel = Channel(gap, gap_area, piston, long, chamber, width, k, heat)
     found = conduct_fluid(channel, Stroke(amplitude, frequency))

@@ -184,9 +184,10 @@ def drop_files(page: Page, where: str, files: list[Path]) -> None:
 def sine_columns(
     *, force_N: float = 400.0, mm: float = 5.0, currents_A: tuple[float, ...] = (1.0,), seconds: float = 4.0
 ) -> dict[str, FloatArray]:
-    """Return the columns of a sine run of 1 Hz at 20 degC, whose force is a tanh of velocity times a current.
+    """Return the columns of a sine run of 1 Hz at 20 degC.
 
-    ``force_N`` is the force at 1 A; each current lasts for an equal part of the time.
+    The force is proportional to the current and to a tanh of the velocity. ``force_N`` is the force at 1 A.
+    Each current lasts for an equal part of the time.
     """
     time = np.arange(round(200 * seconds)) / 200.0
     speed = 2.0 * np.pi * mm * np.cos(2.0 * np.pi * time)
