@@ -1,4 +1,4 @@
-"""The command ``compare`` writes a page and JSON. It rejects cards whose current units differ."""
+"""The command ``compare`` writes a page and JSON. It rejects cards whose commands have different units."""
 
 from __future__ import annotations
 

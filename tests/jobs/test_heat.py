@@ -228,7 +228,7 @@ def test_heating_interval_contains_curve_and_time(folder):
 
 @pytest.fixture(scope="module")
 def astray(folder) -> tuple[Path, float]:
-    """Return a file with 8 min of the heating curve of a perturbed damper, and its final temperature."""
+    """Return a file with 8 min of heating of a perturbed damper, and the final temperature [degC]."""
     drawing = read_drawing(PAPER_DRAWING)
     winding = replace(drawing.coil.material, conductivity=0.8 * drawing.coil.material.conductivity)
     own = replace(drawing.calibration, heat_capacity=1.25, film=1.1)
