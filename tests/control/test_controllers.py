@@ -292,7 +292,7 @@ def test_stuck_displacement_is_flagged_in_motion():
 @pytest.mark.parametrize("name", ["clipped-on-off", "pi"])
 def test_missing_force_reading_disables_force_feedback(name):
     made = ALL[name]
-    _, current, flags = made.run(made.start(), told(made, 1.0))
+    _, current, flags = made.run(made.start(), motion_rows(made, 1.0))
     assert (flags & FAULTS == Flag.NO_FORCE).all()
     assert (current == 0.0).all()
 
