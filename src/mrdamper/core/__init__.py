@@ -7,7 +7,9 @@ the order of its coefficients.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import Any
 
@@ -361,6 +363,8 @@ def gram_sums(
     starts: Sequence[int],
     coefficients: FloatArray,
     places: Sequence[int],
+    *,
+    threads: int = 1,
 ) -> FloatArray:
     """Return the sums that a linear least-squares fit needs, as Gram matrices.
 
@@ -372,11 +376,26 @@ def gram_sums(
     ----------
     coefficients : constant over each run, shape (candidates, runs, m)
     starts : first scored sample of each run
+    threads : number of threads; the result does not depend on it
     """
     rows = len(places) + 1
     out = np.empty((*coefficients.shape[:2], rows, rows))
-    _sum_products(law, _runs(records, measured, starts), coefficients, _places(law, places), out)
+    work = (law, _runs(records, measured, starts), coefficients, _places(law, places), out)
+    if threads == 1:
+        _sum_products(*work)
+        return out
+    executor = _executor(os.getpid(), threads)
+    others = [executor.submit(_sum_products, *work, part, threads) for part in range(1, threads)]
+    _sum_products(*work, 0, threads)
+    for each in others:
+        each.result()
     return out
+
+
+@cache
+def _executor(process: int, threads: int) -> ThreadPoolExecutor:
+    """Return the threads of a process for parts of a computation."""
+    return ThreadPoolExecutor(threads - 1)
 
 
 def _sum_products(
@@ -385,8 +404,15 @@ def _sum_products(
     coefficients: FloatArray,
     places: list[int],
     out: FloatArray,
+    part: int = 0,
+    parts: int = 1,
     residuals: FloatArray | None = None,
 ) -> None:
+    """Compute the Gram matrices into ``out``, and the residuals into ``residuals`` unless it is None.
+
+    The residuals have the shape (candidates, samples of all runs). The work is divided into ``parts`` parts
+    that can run in parallel threads. A call does one of them.
+    """
     left = ffi.NULL if residuals is None else doubles(residuals, "residuals")
     _check(
         DOUBLE.api.gram_sums(
@@ -395,6 +421,8 @@ def _sum_products(
             *_candidate_count_and_pointer(law, coefficients, runs[0]),
             len(places),
             places,
+            part,
+            parts,
             doubles(out, "out"),
             left,
         )
@@ -423,7 +451,7 @@ def forces(law: int, records: Sequence[Record], coefficients: FloatArray) -> lis
     left, sums = np.zeros(int(ends[-1])), np.empty(len(records))
     nothing = np.split(np.zeros(len(left)), ends[:-1])
     runs = _runs(records, nothing, [0] * len(records))
-    _sum_products(law, runs, coefficients[None], [], sums, left)
+    _sum_products(law, runs, coefficients[None], [], sums, residuals=left)
     return np.split(-left, ends[:-1])
 
 

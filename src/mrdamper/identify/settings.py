@@ -19,8 +19,9 @@ class FitSettings:
     method: Method = "varpro"
     genetic_seed: int = 0  # seed of the random numbers of the genetic algorithm
 
-    rate_Hz: float = 200.0  # max sampling rate in a fit; runs with a lower rate are not resampled
-    samples_per_period: float = 200.0  # max number of samples per period; limits the rate of slow motions
+    # Sampling of the runs. Runs are resampled as far as at least the following values remain.
+    rate_Hz: float = 200.0  # sampling rate of a fast motion
+    samples_per_period: float = 180.0  # number of samples per period of a slow motion
 
     # Windows (sections of runs). Each window begins with an unknown hysteresis state. After a warm-up of one
     # period, the resulting force error is 0.02 % (median run) or 1 % (worst run) of the standard deviation.
@@ -81,7 +82,7 @@ class NumericalSettings:
 
     # Windows (sections of runs): limits for cutting and joining, simulation effort, and folds
     same_weight_tolerance: float = 1e-6  # relative difference of two weights that count as equal
-    steps_per_period_min: int = 400  # min number of integration steps per period, for slow motions
+    steps_per_period_min: int = 380  # min number of integration steps per period, for slow motions
     steps_per_sample: int = 4  # A sample that needs more integration steps counts as several samples.
     parallel_window_count: int = 8  # number of windows that the kernel integrates in parallel
     fold_count_max: int = 5

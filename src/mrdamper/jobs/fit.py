@@ -32,7 +32,7 @@ from mrdamper.models.card_draws import CardDraws
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
 from mrdamper.results import JobResult
-from mrdamper.runtime.pool import Pool, cpu_seconds
+from mrdamper.runtime.pool import Pool, cpu_seconds, parallel_computations
 from mrdamper.runtime.progress import Progress, silent
 
 _USUAL = FitOptions()
@@ -122,17 +122,18 @@ def fit(
     )
     if law is None and settings.method == "genetic":
         law = fitting.default_law(data.steady)
-    if law is None or law == AUTO:
-        selection, selection_notes = _select(data, options, on_progress)
-        law = selection.chosen.candidate.law
-    fitted = fitting.fit_law(
-        data,
-        law,
-        terms=_terms(options) if selection is None else selection.chosen.candidate.terms,
-        dampers=() if selection is None else selection.alternatives,
-        interrupted=selection is not None and selection.interrupted,
-        on_progress=on_progress,
-    )
+    with parallel_computations(options.jobs):
+        if law is None or law == AUTO:
+            selection, selection_notes = _select(data, options, on_progress)
+            law = selection.chosen.candidate.law
+        fitted = fitting.fit_law(
+            data,
+            law,
+            terms=_terms(options) if selection is None else selection.chosen.candidate.terms,
+            dampers=() if selection is None else selection.alternatives,
+            interrupted=selection is not None and selection.interrupted,
+            on_progress=on_progress,
+        )
     if selection is not None:
         notes = (*fitted.result.notes, *selection_notes, *_missing_controller_note(fitted.damper, selection))
         fitted = replace(fitted, result=replace(fitted.result, notes=notes))

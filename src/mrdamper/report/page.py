@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 from mrdamper.identify.fit import versions
-from mrdamper.report.sections import Section, Table
+from mrdamper.report.sections import Picture, Section, Table, draw_all
 from mrdamper.runtime.outputs import write_text
 from mrdamper.schema import Json
 
@@ -101,12 +101,11 @@ class Page(Generic[Result]):
 
     def render(self, result: Result) -> str:
         """Return the HTML text of the page."""
-        from mrdamper.report.figures.style import svg_drawn_by  # Matplotlib is loaded only if needed.
-
-        first, picture = self.first(result), svg_drawn_by(lambda: self.picture(result), self.label)
+        picture = Picture(self.label, lambda: self.picture(result))
+        values = {"picture": picture, "sections": self.sections(result), **self.values(result)}
+        draw_all(list(_pictures_in(values.values())))
         template = environment().get_template(self.template)
-        context = {"it": result, "first": first, "picture": picture, "sections": self.sections(result)}
-        return template.render(**context, **self.values(result))
+        return template.render(it=result, first=self.first(result), **values)
 
     def web_json(self, result: Result) -> Json:
         """Return the first screen without its figure, and the tables, for a web page."""
@@ -122,6 +121,16 @@ class Page(Generic[Result]):
     def write(self, result: Result, path: Path) -> None:
         """Write the page."""
         write_text(path, self.render(result))
+
+
+def _pictures_in(values: Iterable[object]) -> Iterator[Picture]:
+    """Generate the pictures among the values of a page, in lists of values, and in values with a picture."""
+    for value in values:
+        if isinstance(value, list | tuple):
+            yield from _pictures_in(value)
+        picture = getattr(value, "picture", value)
+        if isinstance(picture, Picture):
+            yield picture
 
 
 def sentence(text: str) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -18,6 +19,7 @@ from rich.padding import Padding
 from rich.table import Table as RichTable
 from rich.text import Text
 
+from mrdamper.runtime.pool import Pool
 from mrdamper.schema import Json
 
 if TYPE_CHECKING:
@@ -115,7 +117,7 @@ class Table(Generic[Row]):
         }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Picture:
     """A figure of a report. It is drawn when the report is written, and omitted if ``draw`` returns None."""
 
@@ -123,12 +125,20 @@ class Picture:
     draw: Callable[[], Figure | None]
     caption: str = ""
 
-    @property
+    @cached_property
     def svg(self) -> str:
         """The figure as SVG, or an empty string."""
         from mrdamper.report.figures.style import svg_drawn_by  # Matplotlib is loaded only if needed.
 
         return svg_drawn_by(self.draw, self.title)
+
+
+def draw_all(pictures: Sequence[Picture]) -> None:
+    """Draw all pictures of a page in parallel processes. Afterwards ``svg`` returns the finished figures."""
+    import mrdamper.report.figures.style  # noqa: F401 - All processes use the Matplotlib of this process.
+
+    for picture, svg in zip(pictures, Pool().map(lambda each: each.svg, pictures), strict=True):
+        vars(picture)["svg"] = svg
 
 
 Section = Table[Any] | Picture

@@ -41,6 +41,7 @@ Found = TypeVar("Found")
 _CAN_FORK = sys.platform == "linux"
 _PR_SET_PDEATHSIG = 1
 _INSIDE: ContextVar[bool] = ContextVar("inside the work of a pool", default=False)
+_THREADS: ContextVar[int] = ContextVar("number of threads of a computation", default=1)
 _shared: list[Any] = []  # arguments ``shared`` of ``process_pool``, in each process of the pool
 
 
@@ -91,6 +92,21 @@ class Pool:
         if count <= 1 or _INSIDE.get():
             return (work(item) for item in items)
         return (_by_threads if threads or not _CAN_FORK else _by_processes)(work, items, count)
+
+
+@contextmanager
+def parallel_computations(jobs: int | None) -> Iterator[None]:
+    """Allow each computation in a ``with`` block to use ``jobs`` threads; None: one per usable core."""
+    token = _THREADS.set(jobs or usable_cores())
+    try:
+        yield
+    finally:
+        _THREADS.reset(token)
+
+
+def thread_count() -> int:
+    """Return the number of threads that a computation may use. It is 1 inside the work of a pool."""
+    return 1 if _INSIDE.get() else _THREADS.get()
 
 
 ONE_CORE = Pool(1)

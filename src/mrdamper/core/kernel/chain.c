@@ -37,6 +37,7 @@
 #define CHAIN_FLOOR 0.02  /* minimum of G, and of the gas volume divided by its volume at q = 0 */
 #define GAS_EXPONENT 1.3
 #define CORNER 0.05 /* rounding of the corner of C */
+#define CHAIN_RATE_MAX 1e25 /* maximum relaxation in a step, so that a product of inverses does not overflow */
 #define CHAIN_LEAST 1e-100 /* minimum level of a bristle [N]; the rate of a smaller level would overflow */
 
 enum { PRE_YIELD = 3, FRICTION_BRISTLE = 3, MEMORY_BRISTLE = 4, BRISTLES = 5 };
@@ -46,12 +47,13 @@ static const double CHAIN_SHARE[PRE_YIELD] = {0.5, 0.25, 0.25}, CHAIN_APART[PRE_
 /* Coefficients and state of PACK lanes. A disabled bristle has a level but no stiffness, hence no force. */
 typedef struct {
     pack c[CH_COUNT], per[CH_COUNT]; /* coefficients and their inverses; 0 is the inverse of a value near zero */
-    pack yield_velocity, per_velocity, bypass, level[BRISTLES], stiffness[BRISTLES];
+    pack yield_velocity, per_velocity, bypass, level[BRISTLES], per_level[BRISTLES], stiffness[BRISTLES];
+    pack per_side[2];         /* 1 / (1 + as sgn y), for retraction and extension */
     compliance compliance;
     pack_mask plastic, cavity_on, bypass_on, gas_on;
     int some_plastic, some_cavity, some_bypass, some_gas, thins, knee, fades, bristle_on[BRISTLES];
     pack q, y;                /* valve travel and velocity */
-    pack lag, change;         /* v - y after the last step, and its change in this step, for the next start value */
+    pack lag, change, bend;   /* v - y after the last step, its first and second difference, for the next start value */
     pack play, cavity;        /* displacement behind the free play, cavity z */
     pack bristle[BRISTLES];
     pack followed[2];         /* yield and memory force at the last step */
@@ -63,12 +65,12 @@ typedef struct {
     pack h, v, e;             /* step, velocity behind the free play, elastic travel at y = z = 0 */
     pack per_h;               /* inverse of the step, 0 if there is no cavity */
     pack charge, charge_slope, charge_curvature; /* H, dH/dz, d2H/dz2 */
-    pack gain, gain_slope;
+    pack gain, per_gain, gain_slope;
     pack rest, rest_slope;    /* force of offset, spring and gas at y = 0, and d force / d travel */
     pack gas_curvature, gas_unit, gas_per;
     pack viscoplastic, thinning; /* factors of these terms, without their functions of y */
     pack fade;
-    pack level[2][BRISTLES], rate[2][BRISTLES];
+    pack level[2][BRISTLES], per_level[2][BRISTLES], rate[2][BRISTLES];
     int cavity;
 } chain_step;
 
@@ -76,11 +78,13 @@ typedef struct {
 typedef struct {
     pack y, force, slope, force_slope;
     pack u, u_slope;          /* u, du/d|y| */
+    pack decay;               /* exp(-2 u) */
     pack t, t_slope, sharper; /* t (rise of the yield force), dt/du, C - tanh u */
     pack power, log_size;     /* thinning power, ln |y/v0| */
     compliance_point k;
     pack cavity, length, cavity_slope, by_cavity; /* z, l + z, dz/dy, d/dz of the equation of z */
     pack bristle[BRISTLES], bristle_slope[BRISTLES], kept[BRISTLES];
+    pack relaxed[BRISTLES];   /* relaxation rate times step; 1 / kept = 1 + relaxed + relaxed^2 / 2 */
 } chain_point;
 
 /* Partial derivatives with respect to each coefficient, for fixed y and fixed states before the step. Entries that a
@@ -128,6 +132,7 @@ static void chain_set(chain_state *l)
         l->level[j] = CHAIN_SHARE[j] * c[CH_YIELD] * c[CH_SHARE];
         l->stiffness[j] = CHAIN_SHARE[j] * stiff[j];
     }
+    for (int side = 0; side < 2; side++) l->per_side[side] = 1.0 / (1.0 + (2.0 * side - 1.0) * c[CH_ASYMMETRY]);
     l->level[FRICTION_BRISTLE] = c[CH_FRICTION];
     l->stiffness[FRICTION_BRISTLE] = c[CH_FRICTION_STIFFNESS];
     l->level[MEMORY_BRISTLE] = c[CH_MEMORY];
@@ -136,6 +141,7 @@ static void chain_set(chain_state *l)
         const pack_mask on = is_less(pack_of(CHAIN_LEAST), CHAIN_FLOOR * l->level[j]);
         l->bristle_on[j] = any_of(on);
         l->level[j] = choose(on, l->level[j], pack_of(1.0));
+        l->per_level[j] = 1.0 / l->level[j];
         l->stiffness[j] = only(on, l->stiffness[j]);
     }
 }
@@ -159,6 +165,7 @@ static void chain_prepare(const chain_state *l, pack h, pack v, int first, chain
         s->charge_curvature = (GAS_EXPONENT + 1.0) * s->charge_slope * per;
     }
     s->gain = choose(open, gain, floor);
+    s->per_gain = 1.0 / s->gain;
     s->gain_slope = only(open, c[CH_POSITION] + 2.0 * q * c[CH_CURVATURE]);
     s->rest = c[C_OFFSET] + c[C_STIFFNESS] * q;
     s->rest_slope = c[C_STIFFNESS];
@@ -181,19 +188,24 @@ static void chain_prepare(const chain_state *l, pack h, pack v, int first, chain
     }
     for (int j = 0; j < BRISTLES; j++) {
         if (!l->bristle_on[j]) continue;
-        pack level = l->level[j], asymmetry = none;
-        if (j < PRE_YIELD) {
-            level *= s->gain;
-            asymmetry = c[CH_ASYMMETRY];
-        } else if (j == FRICTION_BRISTLE) level *= 1.0 + c[CH_EXCESS] * s->fade;
-        s->level[0][j] = level * (1.0 - asymmetry);
-        s->level[1][j] = level * (1.0 + asymmetry);
-        for (int side = 0; side < 2; side++) s->rate[side][j] = l->stiffness[j] * h / s->level[side][j];
+        for (int side = 0; side < 2; side++) {
+            s->level[side][j] = l->level[j];
+            s->per_level[side][j] = l->per_level[j];
+            if (j < PRE_YIELD) {
+                s->level[side][j] *= s->gain * (1.0 + (2.0 * side - 1.0) * c[CH_ASYMMETRY]);
+                s->per_level[side][j] *= s->per_gain * l->per_side[side];
+            } else if (j == FRICTION_BRISTLE && l->fades) {
+                const pack size = 1.0 + c[CH_EXCESS] * s->fade;
+                s->level[side][j] *= size;
+                s->per_level[side][j] *= 1.0 / size;
+            }
+            s->rate[side][j] = l->stiffness[j] * h * s->per_level[side][j];
+        }
     }
 }
 
-/* Compute u(|y|) and the rise t of the yield force. */
-IN_LANES void chain_yield(const chain_state *l, pack size, pack side, chain_point *p)
+/* Compute u(|y|). */
+IN_LANES void chain_flow(const chain_state *l, pack size, chain_point *p)
 {
     p->u = size * l->per_velocity;
     p->u_slope = l->per_velocity;
@@ -203,7 +215,13 @@ IN_LANES void chain_yield(const chain_state *l, pack size, pack side, chain_poin
         p->u = choose(l->bypass_on, root * root, p->u);
         p->u_slope = choose(l->bypass_on, 2.0 * root / (2.0 * yield * root + b), p->u_slope);
     }
-    const pack u = p->u, decay = exp_of(-2.0 * u), t = (1.0 - decay) / (1.0 + decay);
+    p->decay = exp_of(-2.0 * p->u);
+}
+
+/* Compute the rise t of the yield force. `per_sum` is 1 / (1 + decay). */
+IN_LANES void chain_yield(const chain_state *l, pack per_sum, pack side, chain_point *p)
+{
+    const pack u = p->u, t = (1.0 - p->decay) * per_sum;
     p->t = side * t;
     p->t_slope = 1.0 - t * t;
     if (l->knee) {
@@ -238,17 +256,18 @@ IN_LANES pack chain_residual(const chain_state *l, const chain_step *s, pack y, 
     p->y = y;
     p->u = p->u_slope = p->t = p->t_slope = p->sharper = p->power = p->log_size = none;
     if (l->some_plastic) {
-        chain_yield(l, size, side, p);
+        chain_flow(l, size, p);
+        chain_yield(l, 1.0 / (1.0 + p->decay), side, p);
         force += s->viscoplastic * (1.0 + c[CH_ASYMMETRY] * p->t) * p->t;
         slope += s->viscoplastic * (1.0 + 2.0 * c[CH_ASYMMETRY] * p->t) * p->t_slope * p->u_slope;
     }
     if (l->thins) {
-        const pack size_min = greater_of(size, pack_of(1e-200)), per_size = 1.0 / size_min;
-        p->log_size = log_of(size_min * l->per[CH_SPEED]);
-        const pack power = only(both(is_positive(s->thinning), is_positive(size)), flow * exp_of(c[CH_EXPONENT] * p->log_size));
-        p->power = side * power;
+        p->log_size = log_of(greater_of(size, pack_of(1e-200)) * l->per[CH_SPEED]);
+        const pack ratio = exp_of((c[CH_EXPONENT] - 1.0) * p->log_size) * l->per[CH_SPEED]; /* |y/v0|^m / |y| */
+        const pack per_size = only(both(is_positive(s->thinning), is_positive(size)), flow * ratio);
+        p->power = per_size * y;
         force += s->thinning * p->power;
-        slope += s->thinning * c[CH_EXPONENT] * power * per_size;
+        slope += s->thinning * c[CH_EXPONENT] * per_size;
     }
     force += c[CH_ORIFICE] * flow * size * y;
     slope += 2.0 * c[CH_ORIFICE] * flow * size;
@@ -257,6 +276,7 @@ IN_LANES pack chain_residual(const chain_state *l, const chain_step *s, pack y, 
         const pack level = choose(back, -s->level[0][j], s->level[1][j]), rate = choose(back, s->rate[0][j], s->rate[1][j]);
         const pack u = rate * size, kept = 1.0 / (1.0 + u + 0.5 * u * u), away = l->bristle[j] - level;
         p->kept[j] = kept;
+        p->relaxed[j] = u;
         p->bristle[j] = level + away * kept;
         p->bristle_slope[j] = -away * (1.0 + u) * kept * kept * rate * side;
         force += p->bristle[j];
@@ -305,9 +325,9 @@ IN_LANES void chain_bristle_partials(const chain_state *l, const chain_step *s, 
     const pack *c = l->c, *per = l->per, none = pack_of(0.0);
     const pack_mask back = is_less(p->y, none);
     const pack side = choose(back, pack_of(-1.0), pack_of(1.0)), level = choose(back, s->level[0][j], s->level[1][j]);
-    const pack u = choose(back, s->rate[0][j], s->rate[1][j]) * size_of(p->y), kept = p->kept[j];
+    const pack per_level = choose(back, s->per_level[0][j], s->per_level[1][j]), u = p->relaxed[j], kept = p->kept[j];
     const pack fall = -(l->bristle[j] - side * level) * (1.0 + u) * kept * kept * u;
-    const pack by_level = side * (1.0 - kept) - fall / level;
+    const pack by_level = side * (1.0 - kept) - fall * per_level;
     pack *by = d->bristle[j];
     d->bristle_by_travel[j] = none;
     if (j == MEMORY_BRISTLE) {
@@ -322,7 +342,7 @@ IN_LANES void chain_bristle_partials(const chain_state *l, const chain_step *s, 
         d->friction_by_speed = -2.0 * by_fade * ratio * per[CH_FADE];
     } else {
         const pack_mask moving = either(not_of(is_equal(s->gain_slope, none)), is_less(pack_of(CHAIN_FLOOR), s->gain));
-        const pack by_gain = by_level * level / s->gain;
+        const pack by_gain = by_level * level * s->per_gain;
         by[CH_YIELD] = by_level * level * per[CH_YIELD];
         by[CH_SHARE] = by_level * level * per[CH_SHARE];
         by[CH_ASYMMETRY] = by_level * l->level[j] * s->gain * side;
@@ -340,7 +360,7 @@ static void chain_valve_partials(const chain_state *l, const chain_step *s, cons
     const pack *c = l->c, *per = l->per, q = l->q, none = pack_of(0.0);
     const pack_mask back = is_less(p->y, none);
     const pack yielded = (1.0 + c[CH_ASYMMETRY] * p->t) * p->t, ahead = s->h * p->y;
-    const pack shaped = (s->viscoplastic * yielded + s->thinning * p->power) / s->gain;
+    const pack shaped = (s->viscoplastic * yielded + s->thinning * p->power) * s->per_gain;
     const pack_mask moving = either(not_of(is_equal(s->gain_slope, none)), is_less(pack_of(CHAIN_FLOOR), s->gain));
     const pack flow = 1.0 + choose(back, -c[CH_FLOW_ASYMMETRY], c[CH_FLOW_ASYMMETRY]);
     pack *by = d->valve;
@@ -469,7 +489,7 @@ static void chain_advance(chain_lanes *l, const lane_samples *t, pack h, double 
     at->play = choose(along, x - side * half, at->play);
     v = only(along, v);
     chain_prepare(at, h, v, first, &s);
-    chain_solve(at, &s, first ? v : v - (at->lag + at->change), &p);
+    chain_solve(at, &s, first ? v : v - (at->lag + at->change + at->bend), &p);
     if (t->ways) {
         for (size_t w = 0; w < t->ways; w++) {
             const pack moved = t->way[w] == CH_PLAY ? -side * seed_between(t, w, fraction) : pack_of(0.0);
@@ -480,7 +500,11 @@ static void chain_advance(chain_lanes *l, const lane_samples *t, pack h, double 
     }
     for (int j = 0; j < BRISTLES; j++)
         if (at->bristle_on[j]) at->bristle[j] = p.bristle[j];
-    if (!first) at->change = v - p.y - at->lag;
+    if (!first) {
+        const pack change = v - p.y - at->lag;
+        at->bend = change - at->change;
+        at->change = change;
+    }
     at->lag = v - p.y;
     at->y = p.y;
     at->q += h * p.y;

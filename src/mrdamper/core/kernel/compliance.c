@@ -40,7 +40,7 @@ IN_LANES pack compliance_force(const compliance *c, compliance_point *p)
 {
     const pack u = p->e - c->gap, v = p->e + c->gap, rr = c->corner * c->corner;
     const pack su = root_of(u * u + rr), sv = root_of(v * v + rr);
-    p->spring_slope = 0.5 * c->spring * (2.0 + u / su - v / sv);
+    p->spring_slope = 0.5 * c->spring * (2.0 + (u * sv - v * su) / (su * sv));
     pack power = p->leak_slope = c->leak;
     if (c->bent) {
         pack log_speed;

@@ -147,6 +147,7 @@ typedef struct {
     const double *const *measured;
     const size_t *from;
     const double *coefficients;
+    size_t part, parts;
     double *out;
     double *residuals; /* [candidate][samples of all runs in turn], or NULL */
 } gram_task;
@@ -174,7 +175,7 @@ static mrd_status gram_one_by_one(const gram_room *g, const gram_task *t)
 {
     mrd_workspace *workspace = workspace_open();
     mrd_status status = workspace ? MRD_OK : MRD_NO_MEMORY;
-    for (size_t job = 0; job < t->candidates * t->runs && status == MRD_OK; job++) {
+    for (size_t job = t->part; job < t->candidates * t->runs && status == MRD_OK; job += t->parts) {
         const size_t k = job % t->runs;
         const mrd_model m = model_of(t, job);
         status = gram_of_one(g, &m, t->records[k], t->measured[k], t->from[k], workspace, t->out + job * g->rows * g->rows);
@@ -189,14 +190,15 @@ static mrd_status gram_one_by_one(const gram_room *g, const gram_task *t)
 /* Write the Gram matrices to out[candidate][run][row][row]. The rows are the tangents of the coefficients `by`, then
  * the residual (measured minus computed force). Samples before from[run] are ignored. The coefficients
  * [candidate][run][coefficient] are constant during each run. `residuals`, if not NULL, receives the residuals as
- * [candidate][samples of all runs in turn]. */
+ * [candidate][samples of all runs in turn]. The work consists of `parts` parts, which can be computed in parallel. A call
+ * computes one of them. */
 static mrd_status gram_sums(mrd_law law, size_t runs, const mrd_record *const *records, const double *const *measured,
                             const size_t *from, size_t candidates, const double *coefficients, size_t places,
-                            const int *by, double *out, double *residuals)
+                            const int *by, size_t part, size_t parts, double *out, double *residuals)
 {
     const size_t count = (size_t)coefficient_count((int)law), rows = places + 1;
     if (!count) return MRD_NOT_A_LAW;
-    const gram_task task = {law, runs, candidates, count, records, measured, from, coefficients, out, residuals};
+    const gram_task task = {law, runs, candidates, count, records, measured, from, coefficients, part, parts, out, residuals};
     size_t longest = 1;
     for (size_t k = 0; k < runs; k++) longest = records[k]->n > longest ? records[k]->n : longest;
     double *store = malloc(((rows + 1) * longest + 8 * rows * rows) * sizeof *store);

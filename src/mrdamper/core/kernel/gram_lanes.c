@@ -155,22 +155,32 @@ static void gram_of_lanes(const gram_room *g, const gram_task *t, const lane_job
     }
 }
 
+/* Return the part of the work to which a pack of jobs belongs. The packs are dealt to the parts forwards and backwards in
+ * turn, because earlier packs are longer. */
+static size_t part_of(size_t index, size_t parts)
+{
+    const size_t turn = index % (2 * parts);
+    return turn < parts ? turn : 2 * parts - 1 - turn;
+}
+
 static mrd_status gram_in_lanes(const gram_room *g, const gram_task *t, size_t longest)
 {
-    const size_t jobs = t->candidates * t->runs, each = (g->rows + 1) * longest, square = g->rows * g->rows;
-    job_order *order = malloc((jobs + 1) * sizeof *order);
+    const size_t all = t->candidates * t->runs, each = (g->rows + 1) * longest, square = g->rows * g->rows;
+    size_t jobs = 0, packs = 0;
+    job_order *order = malloc((all + 1) * sizeof *order);
     double *store = calloc(LANES * each + g->rows * BLOCK, sizeof *store);
     lane_job *lane = malloc(LANES * sizeof *lane);
     mrd_status status = order && store && lane ? MRD_OK : MRD_NO_MEMORY;
-    for (size_t job = 0; job < jobs && status == MRD_OK; job++) {
+    for (size_t job = 0; job < all && status == MRD_OK; job++) {
         const mrd_record *r = t->records[job % t->runs];
-        order[job] = (job_order){substeps_of(t->law, r), r->n, job};
-        memset(t->out + job * square, 0, square * sizeof *t->out);
+        if (r->n) order[jobs++] = (job_order){substeps_of(t->law, r), r->n, job};
+        else memset(t->out + job * square, 0, square * sizeof *t->out);
     }
     if (status == MRD_OK) qsort(order, jobs, sizeof *order, compare_jobs);
-    for (size_t first = 0, next; first < jobs && order[first].n && status == MRD_OK; first = next) {
-        for (next = first; next < jobs && next < first + LANES && order[next].n; next++)
+    for (size_t first = 0, next; first < jobs && status == MRD_OK; first = next) {
+        for (next = first; next < jobs && next < first + LANES; next++)
             if (order[next].substeps != order[first].substeps) break;
+        if (part_of(packs++, t->parts) != t->part) continue;
         for (size_t k = 0; first + k < next && status == MRD_OK; k++)
             status = lane_open(lane + k, g, t, order[first + k].job, longest, store + k * each);
         for (size_t k = next - first; k < LANES; k++) lane[k] = lane[0];

@@ -25,6 +25,7 @@ static void state_read(mrd_law law, const mrd_state *state, law_lanes *l)
     at->y = state->q;
     at->lag = state->lag[0];
     at->change = state->change[0];
+    at->bend = state->change[1];
     at->play = state->play;
     at->cavity = state->cavity;
     memcpy(at->bristle, state->bristle, sizeof at->bristle);
@@ -44,6 +45,7 @@ static void state_write(mrd_law law, const law_lanes *l, mrd_state *state)
     state->q = at->y;
     state->lag[0] = at->lag;
     state->change[0] = at->change;
+    state->change[1] = at->bend;
     state->play = at->play;
     state->cavity = at->cavity;
     memcpy(state->bristle, at->bristle, sizeof at->bristle);

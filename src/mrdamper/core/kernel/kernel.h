@@ -149,7 +149,8 @@ typedef struct {
     mrd_status (*gram)(size_t rows, size_t n, const double *columns, size_t from, double *out);
     mrd_status (*gram_sums)(mrd_law law, size_t runs, const mrd_record *const *records,
                             const double *const *measured, const size_t *from, size_t candidates,
-                            const double *coefficients, size_t places, const int *by, double *out, double *residuals);
+                            const double *coefficients, size_t places, const int *by, size_t part, size_t parts, double *out,
+                            double *residuals);
     void (*curve)(double kappa, double n, size_t count, const double *tau, double *w, double *slope, double *by_kappa,
                   double *by_n);
     void (*lag)(size_t n, double step, double rise, double fall, double wheel, double saturation, const double *command,

@@ -18,6 +18,7 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.operating_points import OperatingPoints
 from mrdamper.models.simulate import operating_point, require_temperature
 from mrdamper.models.tangents import Tangents
+from mrdamper.runtime.pool import thread_count
 
 
 class GramSums:
@@ -96,6 +97,7 @@ class GramSums:
             self._starts,
             np.take(coefficients, self._group, axis=1),
             self._levels.places,
+            threads=thread_count(),
         )
         groups, width = spread.shape[1], spread.shape[3]
         weighted = self._weight * sums.reshape(count, len(self._runs), width**2)

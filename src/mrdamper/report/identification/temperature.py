@@ -21,8 +21,9 @@ from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.report.figures.characteristics import PickPanel, peak_velocity_figure
 from mrdamper.report.figures.runs import PANEL_COLUMNS_MAX
 from mrdamper.report.figures.small_multiples import Line, Panel, Point, panel_figure
-from mrdamper.report.figures.style import colour_of, svg_drawn_by
+from mrdamper.report.figures.style import colour_of
 from mrdamper.report.identification.campaign import Campaign, peak_force, pick_of, sine_of
+from mrdamper.report.sections import Picture
 
 REFERENCE_DISTANCE_MAX_K = 2.5  # Force losses refer to a tested temperature this close to 20 degC.
 
@@ -33,7 +34,7 @@ class Warmth:
 
     motion: str
     summary: str
-    svg: str
+    picture: Picture
     assumed: bool  # True if temperature factors were taken from a fluid instead of fitted
 
 
@@ -76,9 +77,7 @@ def temperature_section(campaign: Campaign) -> Warmth | None:
     return Warmth(
         name,
         _loss_sentence(name, ends[::-1], high - ZERO_CELSIUS_K, degrees, damper.command_unit),
-        svg_drawn_by(
-            lambda: panel_figure(panels, height=1.8, legend=""), "Force and energy over temperature"
-        ),
+        Picture("Force and energy over temperature", lambda: panel_figure(panels, height=1.8, legend="")),
         bool(damper.assumed),
     )
 
@@ -141,7 +140,7 @@ class Characteristics:
     """Characteristic values and curves of a damper."""
 
     found: Characterisation
-    svg: str
+    picture: Picture
     titles: tuple[str, ...]  # each temperature as text; "" if the damper model ignores temperature
     motion: str
     assumed: tuple[bool, ...]  # True for untested temperatures with assumed temperature factors
@@ -177,7 +176,7 @@ def characteristics_section(campaign: Campaign) -> Characteristics:
     name = campaign.main if motion is not None else None
     return Characteristics(
         found,
-        svg_drawn_by(lambda: peak_velocity_figure(picks, damper.command_unit), "Peak-velocity-pick curves"),
+        Picture("Peak-velocity-pick curves", lambda: peak_velocity_figure(picks, damper.command_unit)),
         titles,
         name or f"sine {1e3 * scope.motion.amplitude:.3g} mm {scope.motion.frequency:.3g} Hz",
         assumed,
