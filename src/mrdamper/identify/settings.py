@@ -121,8 +121,6 @@ class NumericalSettings:
     resolved_cost_ratio: float = 1e-9
     active_stiffness: float = 1e8  # relative stiffness of the penalty that keeps a coefficient at its limit
     sum_count_max: int = 1 << 21  # max total number of elements of the Gram matrices that are in memory
-    # Small matrix products use one thread, because the threads of OpenBLAS would waste time in busy waiting.
-    one_thread_size_max: int = 1 << 17
     invalid_cost: float = 1e6  # cost of a candidate whose coefficients are invalid in all runs [%^2]
 
     # Thorough search

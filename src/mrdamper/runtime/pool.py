@@ -30,6 +30,8 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import Any, TypeVar
 
+from threadpoolctl import threadpool_limits
+
 try:
     import resource
 except ImportError:  # Windows has no module resource.
@@ -96,10 +98,14 @@ class Pool:
 
 @contextmanager
 def parallel_computations(jobs: int | None) -> Iterator[None]:
-    """Allow each computation in a ``with`` block to use ``jobs`` threads; None: one per usable core."""
+    """Allow each computation in a ``with`` block to use ``jobs`` threads; None: one per usable core.
+
+    Linear algebra uses one thread: its matrices are small, and its waiting threads would occupy all cores.
+    """
     token = _THREADS.set(jobs or usable_cores())
     try:
-        yield
+        with threadpool_limits(1, user_api="blas"):
+            yield
     finally:
         _THREADS.reset(token)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 from types import MappingProxyType
 from typing import Literal
 
@@ -189,6 +189,7 @@ def parse_header(header: str) -> tuple[str, str] | None:
     return None
 
 
+@cache
 def strip_channel(stem: str) -> str:
     """Return the name of a file without its channel words, such as ``force``, ``F`` or ``coil``."""
     words = re.split(r"(?:[^\w.,]|_|(?<!\d)[.,]|[.,](?!\d))+", stem)  # "0.5A" is one word.

@@ -24,6 +24,7 @@ from mrdamper.identify.settings import NUMERICS
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import open_drive, simulate
+from mrdamper.runtime.pool import Pool, thread_count
 
 LAGS = ("rise_s", "fall_s", "second_s", "delay_s")
 
@@ -213,7 +214,8 @@ def fit_lags(
     starts = [Actuation(lag_s, lag_s, 0.3 * lag_s, 0.1 * lag_s) for lag_s in settings.lag_start_s]
     if start is not None:
         starts = [Actuation(start.rise_s, start.fall_s, start.second_s, start.delay_s)]
-    fits = [fit_parameters(lagged, residual, first, LAGS, settings) for first in starts]
+    pool = Pool(thread_count())
+    fits = pool.map(lambda first: fit_parameters(lagged, residual, first, LAGS, settings), starts)
     return min(fits, key=lambda fit: fit.cost)
 
 

@@ -105,12 +105,7 @@ class GramSums:
             grouped = np.add.reduceat(weighted, self._first, axis=1).reshape(count, groups, width, width)
             left = (spread @ grouped).transpose(0, 2, 1, 3).reshape(count, self._size, groups * width)
             right = spread.transpose(0, 1, 3, 2).reshape(count, groups * width, self._size)
-            step = max(1, NUMERICS.one_thread_size_max // self._size**2)
-            total = np.zeros((count, self._size, self._size))
-            for begin in range(0, groups * width, step):
-                part = slice(begin, begin + step)
-                total += left[:, :, part] @ right[:, part]
-        return total
+            return left @ right
 
     def _one_by_one(self, values: FloatArray) -> FloatArray:
         damper = self._damper.with_parameters(dict(zip(self._varying, values.tolist(), strict=True)))

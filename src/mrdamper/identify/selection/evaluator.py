@@ -355,7 +355,8 @@ class CandidateEvaluator:
             held_out = [window for window in self.windows if fold.holds_out(window)]
             return damper, _squared_errors(damper, held_out).tolist()
 
-        *results, (self._response, changing) = self.pool.map(without, [*self.folds, None], threads=True)
+        # The evaluation of the changing runs takes longest and begins first.
+        (self._response, changing), *results = self.pool.map(without, [None, *self.folds], threads=True)
         squares = np.full(len(self.windows), np.nan)
         folds = np.full(len(self.windows), -1, dtype=np.intp)
         for number, (fold, (_, errors)) in enumerate(zip(self.folds, results, strict=True)):
