@@ -163,9 +163,7 @@ def _read_all(
                 read.append((path, frames[path].read(with_answers(load_map(chosen), answers, path))))
             else:
                 stated = [place for document in documents for place in document.places(path)]
-                notes = [
-                    line for each in documents if each.path.parent in path.parents for line in each.whole
-                ]
+                notes = [line for document in documents for line in document.notes(path)]
                 read.append((path, read_file(path, chosen, answers, stated, notes)))
         except InputError as error:
             if path.is_relative_to(space) or [each.name for each in files].count(path.name) > 1:

@@ -6,7 +6,7 @@ Channels on several clocks are interpolated to the times of the fastest clock in
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -235,10 +235,10 @@ def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
     return step
 
 
-def start_of(table: Table, first_s: float, path: Path) -> Moment | None:
+def start_of(table: Table, first_s: float, path: Path, stated: Sequence[str] = ()) -> Moment | None:
     """Return the time stamp of time zero of a table, None if neither its times nor its lines state one.
 
-    A time of day without a date gets the date in the lines above the table, in the file name, or in the name
+    The lines ``stated`` of documents are used if the file states no start. A time of day without a date gets the date in the lines above the table, in the file name, or in the name
     of the folder.
 
     Parameters
@@ -246,14 +246,14 @@ def start_of(table: Table, first_s: float, path: Path) -> Moment | None:
     first_s : time of the first row [s]
     """
     stamps = [moment.later(-first_s) for moment in table.stamps.values()]
-    lines = start_in(table.said)
+    lines = start_in(table.said) or start_in(stated)
     moments = [each for each in (*stamps, table.start, lines) if each is not None]
     moment = next((each for each in moments if each.has_date), next(iter(moments), None))
     if moment is None:
         return Moment(0.0, 0.0, is_utc=True) if first_s > SETTINGS.unix_time_min_s else None
     if moment.has_date:
         return moment
-    days = next(filter(None, map(date_in, (table.said, [path.stem], [path.parent.name]))), None)
+    days = next(filter(None, map(date_in, (table.said, stated, [path.stem], [path.parent.name]))), None)
     if days is None:
         return moment
     day_s, month_s = (DAY_S * day for day in days)

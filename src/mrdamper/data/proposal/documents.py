@@ -7,9 +7,8 @@ lines above a table (``words.labels``).
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,6 +20,8 @@ from mrdamper.data.formats.lines.header import DELIMITERS, holds_samples, line_o
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Table
 from mrdamper.data.formats.text import is_text
+from mrdamper.data.formats.timestamps import start_in
+from mrdamper.data.proposal.notation import ITEMS, NOTATIONS, SCRIPTS, entries_of
 from mrdamper.data.tables import decoding
 from mrdamper.data.words.headers import strip_channel
 from mrdamper.data.words.labels import CONDITIONS, Place, labels_in
@@ -42,9 +43,6 @@ _ALL_RUNS = re.compile(
     re.IGNORECASE,
 )
 _ENTRY = re.compile(r"\s*[-*]?\s*([^\s:=][^:=]*?)\s*[:=]\s*([^\s:=][^:=]*?)\s*")
-_SETTINGS = re.compile(
-    r"setting|condition|setup|param|info|meta|readme|note|protocol|bedingung", re.IGNORECASE
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,11 +51,16 @@ class Document:
 
     path: Path
     lines: Mapping[Path, tuple[str, ...]]
-    whole: tuple[str, ...] = ()  # All lines; they may explain columns and the sampling rate.
+    whole: tuple[str, ...] = ()  # All lines; they may explain columns, signs and the sampling rate.
+    owners: tuple[Path, ...] = ()  # The files of the only run in the document, () if it may describe any run.
 
     def places(self, file: Path) -> tuple[Place, ...]:
         """Return the statements of the document about a file."""
         return tuple(Place(f"document {self.path.name!r}", line) for line in self.lines.get(file, ()))
+
+    def notes(self, file: Path) -> tuple[str, ...]:
+        """Return the lines that may explain the columns of a file in the folder of the document or below."""
+        return self.whole if file in (self.owners or (file,)) and self.path.parent in file.parents else ()
 
     @property
     def finding(self) -> Finding:
@@ -103,6 +106,15 @@ class _Files:
             if not self.numbers and len(numbers) == len(groups) > 1:
                 self.numbers = numbers
 
+    def item(self, header: str, number: str) -> tuple[Path, ...]:
+        """Return the run of an item in a list of a script with an item for each of the numbered runs."""
+        order = sorted(self.numbers)
+        is_of_all = header == f"{ITEMS}{len(order)}" and order in (
+            [*range(len(order))],
+            [*range(1, len(order) + 1)],
+        )
+        return self.numbers[order[int(number) - 1]] if is_of_all and number.isdigit() else ()
+
     def in_cell(self, cell: str) -> tuple[Path, ...]:
         return self.names.get(re.split(r"[\\/]", cell)[-1].strip(" `*\"'").lower(), ())
 
@@ -130,24 +142,53 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
         if not each.name.startswith((".", "~$")) and not f".{each.name}".endswith(MAP_SUFFIX)
     }
     suffixes = {file.suffix for file in files}
-    found = []
+    texts: dict[Path, list[str]] = {}
     for path in (*files, *sorted(inside - {*files})):
+        try:
+            texts[path] = _lines_of(path)
+        except (InputError, OSError, ValueError, RecursionError):  # damaged text, JSON, XML or workbook
+            continue
+    sampled = {
+        path for path, lines in texts.items() if any(holds_samples(lines, sign) for sign in DELIMITERS)
+    }
+    found = []
+    for path, lines in texts.items():
         siblings = [file for file in files if file.parent == path.parent and file != path]
         below = [file for file in files if path.parent in file.parents and file != path]
-        try:
-            lines = _lines_of(path)
-        except (InputError, OSError, ValueError, RecursionError):  # damaged text, JSON or workbook
-            continue
-        has_samples = path.suffix in suffixes and any(holds_samples(lines, sign) for sign in DELIMITERS)
-        is_run = path in files or has_samples  # The user may have chosen some runs of a folder.
-        stating: dict[Path, tuple[str, ...]] = {}
+        # A short text without samples is no run, and neither is a list of files.
+        runs = [file for file in below if file in sampled or not texts.get(file)]
+        is_run = (path in sampled and path.suffix in suffixes) or (
+            path in files and path.suffix.lower() not in NOTATIONS
+        )
+        owners = () if is_run else _owners(path, lines, siblings, runs)
+        stating: Mapping[Path, tuple[str, ...]] = {}
         for group in (siblings, below):
             if lines and not stating:
                 stating = _stating(_lines_by_file(path, lines, group, is_run=is_run))
-        whole = () if has_samples else tuple(lines)
+        for file in owners:
+            own = [with_unit(line_of(re.split("[\t;]", _strip_name(line, file)))) for line in lines]
+            stating = {**stating, **_stating({file: [*stating.get(file, ()), *own]})}
+        whole = () if path in sampled else tuple(lines)
         if stating or whole:
-            found.append(Document(path, stating, whole))
+            found.append(Document(path, stating, whole, owners))
     return tuple(found)
+
+
+def _owners(
+    path: Path, lines: Sequence[str], siblings: Sequence[Path], runs: Sequence[Path]
+) -> tuple[Path, ...]:
+    """Return the files of the only run that a document describes, () if it may describe several runs.
+
+    The name of the document is the name of the run, perhaps with further words, or the folder has one run.
+    A script without the name of a run is a program for any data.
+    """
+    names, stem = _Files(siblings, path.parent).names, path.stem.lower()
+    while stem and (stem not in names or not (stem == path.stem.lower() or re.search(r"\d", stem))):
+        stem = re.sub(r"[^\W_]*$", "", stem).rstrip("_-. ") if re.search(r"[\W_]", stem) else ""
+    others = {file.name.lower() for file in siblings if file not in names.get(stem, ())}
+    if stem and not any(other in line.lower() for other in others for line in lines):
+        return names[stem]
+    return (*runs,) if len(runs) == 1 and path.suffix.lower() not in SCRIPTS else ()
 
 
 def with_lists(tables: Sequence[Table], notes: Sequence[str]) -> list[Table]:
@@ -162,18 +203,18 @@ def with_lists(tables: Sequence[Table], notes: Sequence[str]) -> list[Table]:
 
 
 def _stating(about: Mapping[Path, Sequence[str]]) -> dict[Path, tuple[str, ...]]:
-    """Return the lines that state conditions, by file."""
-    found = {file: tuple(line for line in each if any(labels_in(line, role) for role in CONDITIONS))
+    """Return the lines that state conditions or the start of a run, by file."""
+    found = {file: tuple(line for line in each if start_in([line]) or any(labels_in(line, role) for role in CONDITIONS))
              for file, each in about.items()}  # fmt: skip
     return {file: each for file, each in found.items() if each}
 
 
 def _lines_of(path: Path) -> list[str]:
-    """Return the lines of a small text, of a sheet with tabs, or of a JSON file as ``key: value``.
+    """Return the lines of a small text or sheet, with tabs between cells, or the entries of a notation.
 
-    Raise InputError if a workbook is damaged or encrypted, or if a text has no known encoding. Raise OSError
-    if the file is not readable. Raise ValueError if the file is not valid JSON or not valid text. Raise
-    RecursionError if JSON is nested too deeply.
+    Raise InputError if a workbook is damaged or encrypted, or the encoding of a text is unknown, OSError if
+    the file is not readable, ValueError if it is not valid JSON, XML or text, RecursionError if it is
+    nested too deeply.
     """
     if not path.is_file() or path.stat().st_size > SETTINGS.document_max_bytes:
         return []
@@ -187,23 +228,9 @@ def _lines_of(path: Path) -> list[str]:
     with open_text_bytes(path) as stream:
         content = stream.read()
     text = content.decode(encoding_of(path, content))
-    if path.suffix.lower() == ".json":
-        return [*_flatten(json.loads(text))][: SETTINGS.document_lines_max]
-    if path.suffix.lower() == ".m":
-        text = re.sub(r"[ \t]*[;,]?[ \t]*%+[ \t]*|(?<=\w)\.(?=[A-Za-z])", " ", text)  # "test1.I = 0.5; % A"
-    return text.splitlines()[: SETTINGS.document_lines_max]
-
-
-def _flatten(value: object, depth: int = 0) -> Iterator[str]:
-    """Generate the values in JSON as indented lines ``key: value``."""
-    for key, inner in (
-        value.items() if isinstance(value, dict) else enumerate(value if isinstance(value, list) else [])
-    ):
-        if isinstance(inner, dict | list):
-            yield f"{' ' * depth}{key}"
-            yield from _flatten(inner, depth + 1)
-        else:
-            yield f"{' ' * depth}{key}: {inner}"
+    suffix = path.suffix.lower()
+    lines = entries_of(text, suffix) if suffix in NOTATIONS else text.splitlines()
+    return lines[: SETTINGS.document_lines_max]
 
 
 def _lines_by_file(
@@ -213,14 +240,8 @@ def _lines_by_file(
     known = _Files(files, path.parent)
     text = "\n".join(lines).lower()
     names_a_file = bool(known.numbers) or any(name in text for name in known.names)
-    if is_run and path.suffix.lower() != ".json" and not names_a_file:
+    if is_run and not names_a_file:
         return {}  # The file is a run that names no other file.
-    own = [file for file in files if file.stem == path.stem]
-    own = own if not is_run or path.suffix.lower() == ".json" else []
-    if len(files) == 1 and not is_run and _SETTINGS.search(path.stem):
-        own = [*files]
-    if own:
-        return {own[0]: [with_unit(line_of(re.split("[\t;]", line))) for line in lines]}
     found: dict[Path, list[str]] = {}
     now: tuple[Path, ...] = ()  # The following entries describe these files.
     header: list[str] = []
@@ -230,10 +251,11 @@ def _lines_by_file(
         cells = _cells(line)
         named = next((named for cell in cells if (named := known.in_cell(cell))), ())
         if not named and len(cells) == len(header):
+            named = known.item(header[0], cells[0])
             pairs = zip(header, cells, strict=True)
             counts = [cell for name, cell in pairs if _NUMBER_WORDS.search(name) and _WHOLE.fullmatch(cell)]
             numbered = (known.numbers.get(int(float(cell)), ()) for cell in counts)
-            named = next(filter(None, numbered), ())
+            named = named or next(filter(None, numbered), ())
         if named and len(cells) > 1 and len(cells) == len(header):
             stated = [pair for pair in zip(header, cells, strict=True) if not known.in_cell(pair[1])]
             for file in named:
@@ -255,7 +277,6 @@ def _lines_by_file(
             in_section = is_heading or (in_section and bool(named))
         for file in now:
             found.setdefault(file, []).append(with_unit(_strip_name(line, file)))
-    is_run = is_run and path.suffix.lower() != ".json"
     return found if 2 * mentions > sum(bool(line.strip()) for line in lines[1:]) or not is_run else {}
 
 
@@ -266,6 +287,7 @@ def _strip_name(line: str, file: Path) -> str:
 
 
 def _cells(line: str) -> list[str]:
-    """Return the cells of a row, split at the delimiter that gives most cells, else at two or more blanks."""
-    cells = max((split_line(line.strip(" \r\n").strip("|"), sign) for sign in DELIMITERS[:-1]), key=len)
+    """Return the cells of a row, split at tabs, else at the sign that gives most cells, else at blanks."""
+    signs = DELIMITERS[:1] if "\t" in line else DELIMITERS[:-1]
+    cells = max((split_line(line.strip(" \r\n").strip("|"), sign) for sign in signs), key=len)
     return cells if len(cells) > 1 else re.split(r"\s{2,}", line.strip())

@@ -208,7 +208,9 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Plac
             channels={name: each[first:last] for name, each in channels.items()},
             title=title or table.title,
             findings=() if number else one.findings,
-            start=start_of(table, float(time[0]), file) if len(time) else None,
+            start=start_of(table, float(time[0]), file, [each.text for each in stated])
+            if len(time)
+            else None,
         )
         place_texts = (*places_of(title or table.title, table.said, file), *stated)
         role_now, values, told = command_of(

@@ -92,6 +92,9 @@ def legend_in(line: str) -> list[tuple[int | None, str, str]]:
     units = [cell for cell in cells[1:] if roles_of_unit(cell)]
     if len(units) == 1 and cells[0] and len(cells) > 1:
         return [(None, cells[0], units[0])]
+    whole = _NUMBERED_CHUNK.fullmatch(re.sub(r"\s+", " ", re.sub(r"\([^()]* [^()]*\)\s*$", "", line)).strip())
+    if whole and all(parts := word_and_unit(whole[2])) and len(parts[0].split()) <= 3:
+        return [(int(whole[1]), *parts)]
     found: list[tuple[int | None, str, str]] = []
     for chunk in _CHUNKS.split(re.sub(r"(\d)\s*[.:=)]\s+", r"\1 ", line)):
         numbered = _NUMBERED_CHUNK.fullmatch(chunk.strip())
