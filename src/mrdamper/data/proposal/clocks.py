@@ -238,8 +238,8 @@ def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
 def start_of(table: Table, first_s: float, path: Path, stated: Sequence[str] = ()) -> Moment | None:
     """Return the time stamp of time zero of a table, None if neither its times nor its lines state one.
 
-    The lines ``stated`` of documents are used if the file states no start. A time of day without a date gets the date in the lines above the table, in the file name, or in the name
-    of the folder.
+    The lines ``stated`` of documents are used if the file states no start. A time of day without a date gets
+    the date in the lines above the table, in a document, in the file name, or in the name of the folder.
 
     Parameters
     ----------

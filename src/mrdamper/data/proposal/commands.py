@@ -5,6 +5,7 @@ Words (``words.labels``) are used only if neither a column nor a map has the val
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import get_args
@@ -13,12 +14,14 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
+from mrdamper.data.finding import Finding
 from mrdamper.data.formats.table import Table
 from mrdamper.data.proposal.column import Column
 from mrdamper.data.proposal.pieces import Piece
 from mrdamper.data.proposal.questions import ask
 from mrdamper.data.proposal.refusals import no_command, varying_commands
 from mrdamper.data.records import command_slack, steady_command
+from mrdamper.data.words.headers import word_and_unit
 from mrdamper.data.words.labels import Place, find_label
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, CommandUnit
@@ -98,18 +101,29 @@ def _require_no_varying_column(role: str, value: float, table: Table, place: str
 def _require_agreement(
     role: str, measured: FloatArray, table: Table, texts: Sequence[Place], place: str
 ) -> None:
-    """Raise AskingError if a constant measured command differs from the command in the title or file name."""
-    label = find_label([each for each in texts if each.source in {"title", "file name"}], role)
+    """Raise AskingError if a constant measured command differs from a command in words about the file.
+
+    Lines above the table count if they are single entries, and not a table with properties of the columns.
+    """
+    entries = [
+        each for each in texts if each.source == "header" and re.fullmatch(r"[^:=]+[:=][^:=]+", each.text)
+    ]
+    columns = {word_and_unit(name)[0] for name in table.columns}
+    if sum(re.split("[:=]", each.text)[0].strip() in columns for each in entries) > 1:
+        entries = []
+    others = (each for each in texts if each.source != "header" and not each.source.startswith("folder"))
+    label = find_label([*entries, *others], role)
     held = steady_command(measured) if label is not None and np.isfinite(measured).all() else None
-    if label is None or held is None or len(label.values) != 1:
+    if label is None or held is None:
         return
-    said = label.values[0]
-    # Commands in a name and in the column agree within this fraction.
-    if abs(said - held) > max(0.15 * abs(held), 5 * command_slack(held)):
-        unit = COMMAND_UNITS[role]
-        values = [f"{said:g} {unit}", f"{held:.4g} {unit}"]
-        found = f"{label.in_words(unit)}, and the {role} measured is {values[1]}"
-        raise no_command(table, place, found, values)
+    unit = COMMAND_UNITS[role]
+    for each in (label, *label.others):
+        # Commands in words and in the column agree within this fraction.
+        gaps = [abs(value - held) for value in each.values]
+        if len(gaps) == 1 and gaps[0] > max(0.15 * abs(held), 5 * command_slack(held)):
+            values = [f"{each.values[0]:g} {unit}", f"{held:.4g} {unit}"]
+            found = f"{replace(each, others=()).in_words(unit)}, and the {role} measured is {values[1]}"
+            raise no_command(table, place, found, values)
 
 
 def with_temperature(
@@ -118,15 +132,24 @@ def with_temperature(
     """Add a constant temperature from the map or from words if there is no temperature column.
 
     Return the piece, and ``told`` (role, value and source of each value from words). The temperature is
-    appended to ``told`` if it comes from words.
+    appended to ``told`` if it comes from words. Contradictory temperatures are a finding and are not used.
     """
     if "temperature" in piece.channels:
         return piece, told
     value = chosen.constant.get("temperature")
     if value is None:
         label = find_label(texts, "temperature")
-        if label is None or len(label.values) != 1 or label.others:
+        if label is None:
             return piece, told
+        if len(label.values) != 1 or label.others:
+            finding = Finding(
+                kind="contradictory_temperatures",
+                channel="temperature",
+                found=f"{label.in_words('K')}",
+                effect="None of the temperatures is used",
+                remedy="Correct the texts, or answer temperature.value=VALUE",
+            )
+            return replace(piece, findings=(*piece.findings, finding)), told
         value = label.values[0]
         told = (*told, ("temperature", value, label.source))
     warm = np.full(len(piece.time), value)

@@ -204,8 +204,12 @@ def with_lists(tables: Sequence[Table], notes: Sequence[str]) -> list[Table]:
 
 def _stating(about: Mapping[Path, Sequence[str]]) -> dict[Path, tuple[str, ...]]:
     """Return the lines that state conditions or the start of a run, by file."""
-    found = {file: tuple(line for line in each if start_in([line]) or any(labels_in(line, role) for role in CONDITIONS))
-             for file, each in about.items()}  # fmt: skip
+    found = {
+        file: tuple(
+            line for line in each if start_in([line]) or any(labels_in(line, role) for role in CONDITIONS)
+        )
+        for file, each in about.items()
+    }
     return {file: each for file, each in found.items() if each}
 
 

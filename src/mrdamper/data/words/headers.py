@@ -45,7 +45,11 @@ _KINDS: Mapping[Kind, re.Pattern[str]] = MappingProxyType(
             r"\b(f?max|f?min|maximum|minimum|peak|mean|avg|average|rms|amplitude|mittelwert)\b"
         ),
         "filtered": re.compile(r"\b(filter\w*|filt|smooth\w*|gefiltert|gegl[äa]tt\w*|lowpass|lp)\b"),
-        "ambient": re.compile(r"\b(amb\w*|room|air|raum\w*|umgebung\w*|lab|chamber)\b|室温|环境|環境"),
+        "ambient": re.compile(
+            r"\b(amb\w*|room|air|\w*raum\w*|umgebung\w*|lab|labor\w*|chamber|halle|hal[ay]?|sal[al]e?|otoczeni\w*"
+            r"|powietrz\w*|pokoj\w*|okol\w*|vzduch\w*|környez\w*|luft\w*|ortam|oda|kamer|rumm?\w*)\b"
+            r"|室温|环境|環境|комнат|воздух|окруж|помещ|실온"
+        ),
         "fluid": re.compile(
             r"\b(fluid|oil|öl|huile|aceite|olio|óleo|olej\w*|масл\w*|жидкост\w*)\b|油|流体|오일"
         ),

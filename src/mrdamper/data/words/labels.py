@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from mrdamper.data.words.headers import has_word
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, to_si
 
@@ -41,7 +42,7 @@ _AFTER_UNIT = {
     for role, unit in _UNITS.items()
 }
 _NOT_SET = re.compile(
-    r"max|min\b|limit|range|rated|nominal|fuse|peak|full.?scale|bereich|grenz|capacity|excitation"
+    r"max|min\b|limit|range|rated|nominal|fuse|peak|full.?scale|100 ?%|bereich|grenz|capacity|excitation"
     r"|sensitiv",
     re.IGNORECASE,
 )
@@ -50,7 +51,6 @@ _SET = re.compile(
     rf"\bset\b|curr|strom|(?:coil|magnet|damper|spul|bobin).*[:=]\s*[+-]?{_NUMBER}\s?m?A\s*(?:\(.*\))?$",
     re.IGNORECASE,
 )
-_NOT_THE_DAMPER = re.compile(r"room|ambient|raum|umgebung|\blab\b|\bair\b", re.IGNORECASE)
 _OF_TEMPERATURE = re.compile(r"temp|темп|\bT\b|°|℃|deg|温度|온도", re.IGNORECASE)
 CONDITIONS = ("current", "voltage", "temperature")
 DOCUMENT = "document"  # The source of a value from a document begins with this word.
@@ -182,7 +182,7 @@ def _may_say(place: Place, role: str) -> bool:
     if role != "temperature" and _SUPPLY.search(place.text) and not is_set:
         return False
     if role == "temperature":
-        return not _NOT_THE_DAMPER.search(place.text) and bool(_OF_TEMPERATURE.search(place.text))
+        return not has_word(place.text, "ambient") and bool(_OF_TEMPERATURE.search(place.text))
     return role == "current" or bool(
         re.search(r"command|volt|control|drive|coil|spule|spannung|ten[sz]", place.text, re.I)
     )
