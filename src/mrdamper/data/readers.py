@@ -150,8 +150,9 @@ def _read_all(
     named = [item for item in parts if not isinstance(item, Frame)]
     files = find_files(named, space) if named or not frames else []
     given = {Path(item) for item in named}
+    roots = {space, *(path for path in given if is_folder(path))}
     folders = {file.parent for file in files if file not in given} | {
-        path for path in given if is_folder(path)
+        folder for file in files for folder in file.parents if not roots.isdisjoint((folder, *folder.parents))
     }
     documents = read_documents(files, sorted(folders))
     stating = {document.path for document in documents if document.lines} & {*files}

@@ -21,6 +21,7 @@ from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Table
 from mrdamper.data.formats.text import is_text
 from mrdamper.data.formats.timestamps import start_in
+from mrdamper.data.proposal.folders import is_small_file, own_name
 from mrdamper.data.proposal.notation import ITEMS, NOTATIONS, SCRIPTS, entries_of
 from mrdamper.data.tables import decoding
 from mrdamper.data.words.headers import strip_channel
@@ -95,7 +96,7 @@ class _Files:
         # Files by the last number in the name of the run or folder, if all these numbers are different.
         self.numbers: dict[int, tuple[Path, ...]] = {}
         for keys in (
-            [path.parent / strip_channel(path.stem) for path in files],
+            [path.parent / strip_channel(own_name(path)) for path in files],
             [path.parent for path in files],
         ):
             groups: dict[Path, list[Path]] = {}
@@ -220,7 +221,7 @@ def _lines_of(path: Path) -> list[str]:
     the file is not readable, ValueError if it is not valid JSON, XML or text, RecursionError if it is
     nested too deeply.
     """
-    if not path.is_file() or path.stat().st_size > SETTINGS.document_max_bytes:
+    if not is_small_file(path):
         return []
     with path.open("rb") as stream:
         head = stream.read(512)

@@ -11,6 +11,7 @@ import errno
 import glob
 import gzip
 import lzma
+import shutil
 import tarfile
 import zipfile
 import zlib
@@ -56,7 +57,8 @@ def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Pat
     """Return the files named by paths, folders and patterns, in the given order.
 
     Archives are unpacked into the folder ``space`` if it is given. The last two folders of their paths are
-    repeated there. A file that is named twice (by a relative and an absolute path) is returned once.
+    repeated there, with the documents next to an archive that was found in a folder. A file that is named
+    twice (by a relative and an absolute path) is returned once.
     """
     files: dict[Path, Path] = {}
     if not paths:
@@ -82,13 +84,19 @@ def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Pat
             files.setdefault(file.resolve(), file)
     if space is None:
         return list(files.values())
-    return [member for file in files.values() for member in _unpack(file, space)]
+    found = []
+    for file in files.values():
+        members = _unpack(file, space)
+        found += members
+        for document in file.parent.iterdir() if members != [file] and file not in map(Path, paths) else ():
+            if not _is_archive(document) and is_small_file(document):
+                shutil.copy(document, space.joinpath(*file.absolute().parts[-3:-1]))
+    return found
 
 
 def _unpack(file: Path, space: Path) -> list[Path]:
     """Return the unpacked files of an archive, or the file itself if it is not an archive."""
-    is_archive = is_file(file) and _head(file).startswith(_ARCHIVES)
-    if not is_archive or file.suffix.lower() in format_suffixes():
+    if not _is_archive(file):
         return [file]
     folder = space.joinpath(*file.absolute().parts[-3:-1])
     room = SETTINGS.archive_unpacked_max_bytes
@@ -102,6 +110,21 @@ def _unpack(file: Path, space: Path) -> list[Path]:
         raise InputError(place=file, found=found, remedy="Unpack it first") from error
     single = folder / file.stem
     return [single] if single.is_file() else list(_files_below(folder / file.name))
+
+
+def _is_archive(file: Path) -> bool:
+    is_packed = is_file(file) and _head(file).startswith(_ARCHIVES)
+    return is_packed and file.suffix.lower() not in format_suffixes()
+
+
+def own_name(file: Path) -> str:
+    """Return the name of a file without its suffix. A number is no suffix: "test.001"."""
+    return file.name if file.suffix[1:].isdecimal() else file.stem
+
+
+def is_small_file(path: Path) -> bool:
+    """Return True if a path is a file whose size is the size of a document."""
+    return path.is_file() and path.stat().st_size <= SETTINGS.document_max_bytes
 
 
 def _members(file: Path) -> Iterator[tuple[str, IO[bytes]]]:

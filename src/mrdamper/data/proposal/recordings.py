@@ -33,7 +33,7 @@ from mrdamper.data.proposal.commands import (
     segments_of,
     with_temperature,
 )
-from mrdamper.data.proposal.folders import GENERIC_SUFFIXES, format_suffixes
+from mrdamper.data.proposal.folders import GENERIC_SUFFIXES, format_suffixes, own_name
 from mrdamper.data.proposal.pieces import (
     Piece,
     cut_at_gaps,
@@ -138,8 +138,7 @@ def runs_in(
     pieces = [(piece, parts[0].role) for piece in (join_pieces(whole) if chosen.segments is None else whole)]
     if len({part.role for part in parts}) > 1:
         pieces = [(piece, part.role) for part in parts for piece in part.pieces]
-    stem = file.name if file.suffix[1:].isdecimal() else file.stem  # A number is no suffix: "test.001".
-    recordings, findings, inferred, starts = _make_recordings(pieces, chosen, file, name or stem)
+    recordings, findings, inferred, starts = _make_recordings(pieces, chosen, file, name or own_name(file))
     return RigFile(recordings, layout, parts[0].columns, chosen, findings, inferred, starts)
 
 
