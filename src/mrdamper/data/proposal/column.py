@@ -17,6 +17,7 @@ from mrdamper.data.words.headers import (
     word_and_unit,
 )
 from mrdamper.data.words.labels import rates_in
+from mrdamper.data.words.signs import signs_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit, spell_unit
 
@@ -109,11 +110,12 @@ def explained(table: Table, notes: Sequence[str]) -> Table:
         if not header.unit and len({*own}) == 1 and header.of_word in {"", *roles_of_unit(own[0])}:
             units[header.name] = own[0]
     rates = () if rates_in(table.said) else tuple(line for line in notes if rates_in([line]))
+    signs = () if signs_in(table.said) else tuple(line for line in notes if signs_in([line]))
     remarks = (f"units from a document: {', '.join(units)}",) if units else ()
     if rates and table.step_s is None and not any(each.of_word == "time" for each in headers):
         remarks = (*remarks, f"sampling rate from a document: {rates[0].strip()!r}")
     layout = replace(table.layout, notes=(*table.layout.notes, *remarks))
-    return replace(table, layout=layout, units={**table.units, **units}, said=(*table.said, *rates))
+    return replace(table, layout=layout, units={**table.units, **units}, said=(*table.said, *rates, *signs))
 
 
 def _means_same(word: str, header: Header) -> bool:

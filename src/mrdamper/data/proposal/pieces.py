@@ -286,3 +286,33 @@ def _slope(path: FloatArray, time: FloatArray) -> float:
     # The first and the last reversal are at the same end of the stroke, whole cycles apart.
     first, last = int(inner[0]), int(inner[-1 if len(inner) % 2 else -2])
     return float((path[last] - path[first]) / (time[last] - time[first]))
+
+
+def with_stated_signs(
+    channels: Mapping[str, FloatArray], time: FloatArray, signs: Mapping[str, int]
+) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
+    """Return the channels with extension and tension positive, and a remark if a channel was reversed.
+
+    A sign that is not stated follows from the other sign, because the damper dissipates energy. The channels
+    are unchanged if the stated signs contradict this.
+    """
+    motion, force = channels.get("displacement"), channels.get("force")
+    if (
+        motion is None
+        or force is None
+        or -1 not in signs.values()
+        or len({len(motion), len(force), len(time)}) > 1
+    ):
+        return dict(channels), ()
+    power = float(np.nansum(force[1:] * np.diff(motion)))
+    own = {role: signs.get(role, 0) for role in ("displacement", "force")}
+    known = own["displacement"] or own["force"]
+    own = {role: sign or known * (1 if power > 0.0 else -1) for role, sign in own.items()}
+    if own["displacement"] * own["force"] * power <= 0.0:
+        return dict(channels), ()
+    turned = [role for role, sign in own.items() if sign < 0]
+    also = {"displacement": ("displacement", "velocity"), "force": ("force",)}
+    names = [name for role in turned for name in also[role]]
+    return {name: -values if name in names else values for name, values in channels.items()}, (
+        f"reversed because compression is stated as positive: {', '.join(turned)}",
+    )

@@ -42,6 +42,7 @@ from mrdamper.data.proposal.pieces import (
     integrated,
     join_pieces,
     run_edges,
+    with_stated_signs,
     without_repeated_end,
 )
 from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all, relocate
@@ -50,6 +51,7 @@ from mrdamper.data.proposal.side_by_side import side_by_side, wide_of_long
 from mrdamper.data.records import CHANNELS, LEAST_SAMPLES, Recording
 from mrdamper.data.words.headers import candidates, unit_in_brackets
 from mrdamper.data.words.labels import Place, places_of
+from mrdamper.data.words.signs import signs_in
 from mrdamper.errors import InputError
 from mrdamper.files import printable
 from mrdamper.quantities import QUANTITIES, CommandUnit
@@ -188,6 +190,8 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Plac
         return _wide_part(table, chosen, file, wide, stated)
     columns = find_columns(table, chosen, place)
     channels, time, one = _channels(table, columns, chosen, place)
+    reversed_by_map = any(channel.sign < 0 for channel in chosen.channels.values())
+    channels, remarks = with_stated_signs(channels, time, {} if reversed_by_map else signs_in(table.said))
     role = command_role(columns, chosen, place)
     measured = channels.pop(role) if role in channels else None
     for other in COMMAND_UNITS:
@@ -222,7 +226,7 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Plac
     slow = ", ".join(one.interpolated)
     notes: tuple[str, ...] = (f"{slow} interpolated to the fastest clock",) if slow else ()
     skipped = skipped_columns(table, columns, chosen, place)
-    notes += (f"not used: {', '.join(skipped)}",) if skipped else ()
+    notes += (*remarks, *((f"not used: {', '.join(skipped)}",) if skipped else ()))
     return _Part(tuple(whole), columns, role, notes)
 
 
