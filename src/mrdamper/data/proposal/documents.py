@@ -119,6 +119,13 @@ class _Files:
     def in_cell(self, cell: str) -> tuple[Path, ...]:
         return self.names.get(re.split(r"[\\/]", cell)[-1].strip(" `*\"'").lower(), ())
 
+    def in_row(self, cells: Sequence[str]) -> list[tuple[Path, ...]]:
+        """Return the files that the cells of a row name, [] unless the row names or numbers several files."""
+        found = [self.in_cell(cell) for cell in cells]
+        if not any(found) and _NUMBER_WORDS.search(cells[0]) and all(map(_WHOLE.fullmatch, cells[1:])):
+            found = [(), *(self.numbers.get(int(float(cell)), ()) for cell in cells[1:])]
+        return found if len({*found} - {()}) > 1 else []
+
     def in_line(self, line: str) -> tuple[Path, ...]:
         """Return the files named in a sentence: by name, by a stem with letters and digits, or by number."""
         words = re.findall(r"[\w.+-]*\w", line.lower())
@@ -252,8 +259,19 @@ def _lines_by_file(
     header: list[str] = []
     mentions = 0
     in_section = False
+    across: list[tuple[Path, ...]] = []  # The files of the columns, if each column of a table is a run.
     for line in lines:
         cells = _cells(line)
+        heads = known.in_row(cells)
+        if not heads and len(cells) == len(across):
+            for owners, cell in zip(across, cells, strict=True):
+                for file in owners:
+                    found.setdefault(file, []).append(with_unit(f"{cells[0]}: {cell}"))
+        if heads or len(cells) == len(across):
+            across = heads or across
+            mentions += 1
+            continue
+        across = []
         named = next((named for cell in cells if (named := known.in_cell(cell))), ())
         if not named and len(cells) == len(header):
             named = known.item(header[0], cells[0])

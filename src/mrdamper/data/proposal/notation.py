@@ -112,7 +112,7 @@ def _add_entry(line: str, suffix: str, remark: str, tree: Node, levels: list[tup
         levels[:] = [(-1.0, _child(node, len(node) + 1) if line.strip()[:2] == "[[" else node)]
         return
     entry = _ENTRY.fullmatch(line)
-    if entry is not None and (entry[2] or entry[3]):
+    if entry is not None and (entry[2] or re.search(r"\w", entry[3] or "")):
         blanks, dash, name, value = entry.groups(default="")
         depth = (len(blanks) + 0.5 * bool(dash)) * (suffix not in SCRIPTS)
         while len(levels) > 1 and levels[-1][0] >= depth:
@@ -122,6 +122,9 @@ def _add_entry(line: str, suffix: str, remark: str, tree: Node, levels: list[tup
             node = _child(node, len(node) + 1)
             levels.append((depth, node))
         read = _literal(value)
+        *outer, name = re.findall(r"\w+", name) if suffix in SCRIPTS else [name]
+        for level in outer:
+            node = _child(node, level)
         key = _key(name, read, remark) if name else len(node) + 1
         if value:
             node[key] = read
@@ -138,9 +141,8 @@ def _child(node: Node, key: str | int) -> Node:
 
 
 def _key(name: str, value: Node | str, remark: str) -> str:
-    """Return the name of an entry. ``run(1).I`` is ``run 1 I``. A unit in the remark is added."""
-    name = re.sub(r"(?:(?<=\w)|(?<=[)}]))\.(?=[A-Za-z]\w*$)", " ", name.strip("'\""))
-    name = re.sub(r"[({](\d+)[)}]", r" \1", name)
+    """Return the name of an entry. A unit in the remark after numbers is added."""
+    name = name.strip("'\"")
     cells = [value] if isinstance(value, str) else [*value.values()]
     unit = next((unit for unit in (re.split(r"[,;(]", remark)[0].strip(" []"), word_and_unit(remark)[1])
                  if is_any_unit(unit)), "")  # fmt: skip
@@ -185,6 +187,13 @@ def _lines(node: Node | str, path: str = "", depth: int = 0, *, is_script: bool 
     plain = {key: items for key, items in lists.items() if not any(isinstance(item, dict) for item in items)}
     for count in dict.fromkeys(map(len, plain.values())):
         named = {f"{key}": items for key, items in plain.items() if len(items) == count > 1}
+        for units in [key for key, items in named.items() if all(_is_unit(item) for item in items)][:1]:
+            words = [key for key in named if key != units]
+            before = [key for key in words if [*named].index(key) < [*named].index(units)]
+            own = {key: named.pop(key) for key in (*(before[-1:] or words[:1]), units)}
+            yield from _table(
+                [dict(zip(own, cells, strict=True)) for cells in zip(*own.values(), strict=True)]
+            )
         rows = [dict(zip(named, cells, strict=True)) for cells in zip(*named.values(), strict=True)]
         if is_script and rows:
             rows = [{f"{ITEMS}{count}": f"{k}", **row} for k, row in enumerate(rows, 1)]
@@ -200,7 +209,9 @@ def _lines(node: Node | str, path: str = "", depth: int = 0, *, is_script: bool 
         if key in plain or (isinstance(inner, str) and not inner):
             continue
         if isinstance(inner, str):
-            yield f"{' ' * depth}{key} [{inner}]" if roles_of_unit(inner) else f"{' ' * depth}{name}: {inner}"
+            word, unit = word_and_unit(name) if is_number(inner) else ("", "")
+            entry = f"{word}: {inner} {unit}" if word and unit else f"{name}: {inner}"
+            yield f"{' ' * depth}{f'{key} [{inner}]' if roles_of_unit(inner) else entry}"
         elif word_and_unit(f"{key}")[1] and all(map(_is_number, inner.values())):
             yield from _table([{"": f"{run}", f"{key}": value} for run, value in inner.items()])
         elif unit := _text(inner, ("unit", "units")):
@@ -218,7 +229,8 @@ def _with_unit(key: str | int, name: str, node: Node, unit: str, depth: int) -> 
     if value:
         yield f"{' ' * depth}{name if word == f'{key}' else word}: {value} {unit}"
         return
-    yield f"{' ' * depth}{f'{key} ' if isinstance(key, int) else ''}{word} [{unit}]"
+    number = re.sub(r".*?(\d*)$", r"\1", f"{key}") if word != f"{key}" else ""
+    yield f"{' ' * depth}{number} {word} [{unit}]"
     for other, inner in node.items():
         if isinstance(inner, str) and inner not in {unit, word}:
             yield f"{' ' * depth}{word} {other}: {inner}{f' {unit}' if has_one and is_number(inner) else ''}"
@@ -232,6 +244,10 @@ def _text(node: Node, keys: tuple[str, ...]) -> str:
 
 def _is_number(value: Node | str) -> bool:
     return isinstance(value, str) and is_number(value)
+
+
+def _is_unit(value: Node | str) -> bool:
+    return isinstance(value, str) and bool(roles_of_unit(value))
 
 
 def _is_list(node: Node) -> bool:
@@ -257,7 +273,7 @@ def _flat(node: Node | str, path: str = "") -> Iterator[tuple[str, str]]:
 def _table(rows: list[dict[str, Node | str]]) -> Iterator[str]:
     """Generate the lines of a table: numbered names and units of columns, else a header and rows of cells."""
     names = dict.fromkeys(name for row in rows for name in row)
-    units = [name for name in names if rows and all(roles_of_unit(f"{row.get(name, '')}") for row in rows)]
+    units = [name for name in names if rows and all(_is_unit(row.get(name, "")) for row in rows)]
     if len(units) == 1 and len(names) > 1:
         words = next(name for name in names if name != units[0] and not f"{rows[0].get(name)}".isdigit())
         yield from (f"{k} {row.get(words, '')} [{row[units[0]]}]" for k, row in enumerate(rows, 1))
