@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from mrdamper.data.channels import Channel, ChannelMap
 from mrdamper.data.formats.table import Table
+from mrdamper.data.formats.timestamps import date_in
 from mrdamper.data.words.headers import (
     begins_with_symbol,
     has_word,
@@ -111,11 +112,15 @@ def explained(table: Table, notes: Sequence[str]) -> Table:
             units[header.name] = own[0]
     rates = () if rates_in(table.said) else tuple(line for line in notes if rates_in([line]))
     signs = () if signs_in(table.said) else tuple(line for line in notes if signs_in([line]))
+    dates = tuple(line for line in notes if date_in([line]))
+    dates = dates if date_in(dates) and not date_in(table.said) else ()
     remarks = (f"units from a document: {', '.join(units)}",) if units else ()
     if rates and table.step_s is None and not any(each.of_word == "time" for each in headers):
         remarks = (*remarks, f"sampling rate from a document: {rates[0].strip()!r}")
     layout = replace(table.layout, notes=(*table.layout.notes, *remarks))
-    return replace(table, layout=layout, units={**table.units, **units}, said=(*table.said, *rates, *signs))
+    return replace(
+        table, layout=layout, units={**table.units, **units}, said=(*table.said, *rates, *signs, *dates)
+    )
 
 
 def _means_same(word: str, header: Header) -> bool:

@@ -20,7 +20,7 @@ from mrdamper.data.formats.lines.header import DELIMITERS, holds_samples, line_o
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Table
 from mrdamper.data.formats.text import is_text
-from mrdamper.data.formats.timestamps import start_in
+from mrdamper.data.formats.timestamps import date_in, start_in
 from mrdamper.data.proposal.folders import is_small_file, own_name
 from mrdamper.data.proposal.notation import ITEMS, NOTATIONS, SCRIPTS, entries_of
 from mrdamper.data.tables import decoding
@@ -36,6 +36,7 @@ _NUMBER_IN_LINE = re.compile(  # "run 7", but not "test 2 A"
     rf"\b(?:{_RUN})[\s_.#-]{{0,2}}(\d{{1,9}})\b(?![.,]\d|\s?(?:m?[AV]|°|deg|[CK]|mm|k?Hz|s|k?N|%)\b)",
     re.IGNORECASE,
 )
+_CLOCK_OF_LIST = re.compile(r"(?<![\d:.,])(\d{1,2}:\d{2})(?![\d:.,])")  # Lists omit the seconds.
 _WHOLE = re.compile(r"\d{1,9}(\.0)?")
 _HEADING = re.compile(r"\s*(\[.*\]|#+ .*|[^:=]*:)\s*")
 _ALL_RUNS = re.compile(
@@ -70,7 +71,7 @@ class Document:
             kind="index",
             severity="note",
             run=self.path.name,
-            found=f"states current, voltage or temperature of {len(self.lines)} files",
+            found=f"states current, voltage, temperature or start of {len(self.lines)} files",
             effect="The values are used if a file does not state its own",
             remedy="Check these values",
         )
@@ -93,6 +94,7 @@ class _Files:
         owners.pop("", None)
         # Equal names in different folders are ambiguous.
         self.names = {name: tuple(*found.values()) for name, found in owners.items() if len(found) == 1}
+        self.suffixes = {path.suffix.lower() for path in files} - {""}
         # Files by the last number in the name of the run or folder, if all these numbers are different.
         self.numbers: dict[int, tuple[Path, ...]] = {}
         for keys in (
@@ -214,7 +216,9 @@ def _stating(about: Mapping[Path, Sequence[str]]) -> dict[Path, tuple[str, ...]]
     """Return the lines that state conditions or the start of a run, by file."""
     found = {
         file: tuple(
-            line for line in each if start_in([line]) or any(labels_in(line, role) for role in CONDITIONS)
+            line
+            for line in (_CLOCK_OF_LIST.sub(r"\1:00", line) for line in each)
+            if start_in([line]) or date_in([line]) or any(labels_in(line, role) for role in CONDITIONS)
         )
         for file, each in about.items()
     }
@@ -277,7 +281,10 @@ def _lines_by_file(
             named = known.item(header[0], cells[0])
             pairs = zip(header, cells, strict=True)
             counts = [cell for name, cell in pairs if _NUMBER_WORDS.search(name) and _WHOLE.fullmatch(cell)]
-            numbered = (known.numbers.get(int(float(cell)), ()) for cell in counts)
+            others = any(
+                Path(cell).suffix.lower() in known.suffixes for cell in cells
+            )  # files of another day
+            numbered = (known.numbers.get(int(float(cell)), ()) for cell in counts if not others)
             named = named or next(filter(None, numbered), ())
         if named and len(cells) > 1 and len(cells) == len(header):
             stated = [pair for pair in zip(header, cells, strict=True) if not known.in_cell(pair[1])]

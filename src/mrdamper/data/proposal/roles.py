@@ -171,6 +171,7 @@ def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
     if role == "temperature":
         left = [each for each in left if not has_word(each.word, "ambient")] or left
         left = [each for each in left if has_word(each.word, "fluid")] or left
+        left = [each for each in left if has_word(each.word, "damper")] or left
     left = [each for each in left if not has_word(each.word, "set point")] or left
     left = [each for each in left if each.of_word == role] or left
     left = [each for each in left if each.of_word == role and not names_by_symbol(each.name)] or left

@@ -32,7 +32,7 @@ _IN = re.compile(r"(.+?)\s+in\s+(\S+)", re.IGNORECASE)
 _NUMBERED_CHUNK = re.compile(r"[-*#\s]*(?:[A-Za-z]+ )?(\d{1,2}) (\D.*)")
 _NARROW = str.maketrans("（）［］／", "()[]/")
 
-Kind = Literal["set point", "sensor output", "statistic", "filtered", "ambient", "fluid"]
+Kind = Literal["set point", "sensor output", "statistic", "filtered", "ambient", "fluid", "damper"]
 # A statistic is a result of a cycle or a run. The volts of a sensor output represent another quantity.
 _KINDS: Mapping[Kind, re.Pattern[str]] = MappingProxyType(
     {
@@ -46,9 +46,12 @@ _KINDS: Mapping[Kind, re.Pattern[str]] = MappingProxyType(
         ),
         "filtered": re.compile(r"\b(filter\w*|filt|smooth\w*|gefiltert|gegl[äa]tt\w*|lowpass|lp)\b"),
         "ambient": re.compile(
-            r"\b(amb\w*|room|air|\w*raum\w*|umgebung\w*|lab|labor\w*|chamber|halle|hal[ay]?|sal[al]e?|otoczeni\w*"
+            r"\b(amb\w*|room|air|\w*raum\w*|umgebung\w*|lab|labor\w*|chamber|halle?|hal[ay]?|sal[al]e?|otoczeni\w*"
             r"|powietrz\w*|pokoj\w*|okol\w*|vzduch\w*|környez\w*|luft\w*|ortam|oda|kamer|rumm?\w*)\b"
             r"|室温|环境|環境|комнат|воздух|окруж|помещ|실온"
+        ),
+        "damper": re.compile(
+            r"damper|d(ä|ae)mpfer|t[lł]umi[kč]|am+orti[sz]|amorte[cç]|demper|lengéscs|амортиз|демпф|阻尼|ダンパ|댐퍼"
         ),
         "fluid": re.compile(
             r"\b(fluid|oil|öl|huile|aceite|olio|óleo|olej\w*|масл\w*|жидкост\w*)\b|油|流体|오일"
