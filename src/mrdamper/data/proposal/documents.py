@@ -22,7 +22,7 @@ from mrdamper.data.formats.table import Table
 from mrdamper.data.formats.text import is_text
 from mrdamper.data.formats.timestamps import date_in, start_in
 from mrdamper.data.proposal.folders import is_small_file, own_name
-from mrdamper.data.proposal.notation import ITEMS, NOTATIONS, SCRIPTS, entries_of
+from mrdamper.data.proposal.notation import NOTATIONS, SCRIPTS, entries_of
 from mrdamper.data.tables import decoding
 from mrdamper.data.words.headers import strip_channel
 from mrdamper.data.words.labels import CONDITIONS, Place, labels_in
@@ -33,10 +33,11 @@ from mrdamper.quantities import is_any_unit
 _RUN = r"run|test|file|rec|record|versuch|lauf|messung|essai|prueba"
 _NUMBER_WORDS = re.compile(rf"^$|\b(no|nr|num|number|id|{_RUN})\b|#", re.IGNORECASE)
 _NUMBER_IN_LINE = re.compile(  # "run 7", but not "test 2 A"
-    rf"\b(?:{_RUN})[\s_.#-]{{0,2}}(\d{{1,9}})\b(?![.,]\d|\s?(?:m?[AV]|°|deg|[CK]|mm|k?Hz|s|k?N|%)\b)",
+    rf"\b(?:{_RUN})s?[\s_.#-]{{0,2}}(\d{{1,9}})\b(?![.,]\d|\s?(?:m?[AV]|°|deg|[CK]|mm|k?Hz|s|k?N|%)\b)",
     re.IGNORECASE,
 )
 _CLOCK_OF_LIST = re.compile(r"(?<![\d:.,])(\d{1,2}:\d{2})(?![\d:.,])")  # Lists omit the seconds.
+_ITEM = re.compile(r"\s*item (\d+) of (\d+)\b")
 _WHOLE = re.compile(r"\d{1,9}(\.0)?")
 _HEADING = re.compile(r"\s*(\[.*\]|#+ .*|[^:=]*:)\s*")
 _ALL_RUNS = re.compile(
@@ -109,15 +110,6 @@ class _Files:
             if not self.numbers and len(numbers) == len(groups) > 1:
                 self.numbers = numbers
 
-    def item(self, header: str, number: str) -> tuple[Path, ...]:
-        """Return the run of an item in a list of a script with an item for each of the numbered runs."""
-        order = sorted(self.numbers)
-        is_of_all = header == f"{ITEMS}{len(order)}" and order in (
-            [*range(len(order))],
-            [*range(1, len(order) + 1)],
-        )
-        return self.numbers[order[int(number) - 1]] if is_of_all and number.isdigit() else ()
-
     def in_cell(self, cell: str) -> tuple[Path, ...]:
         return self.names.get(re.split(r"[\\/]", cell)[-1].strip(" `*\"'").lower(), ())
 
@@ -128,11 +120,23 @@ class _Files:
             found = [(), *(self.numbers.get(int(float(cell)), ()) for cell in cells[1:])]
         return found if len({*found} - {()}) > 1 else []
 
+    def are_others(self, words: Sequence[str]) -> bool:
+        """Return True if words contain the name of a file that is missing, for example of another day."""
+        return any(Path(word).suffix in self.suffixes and word not in self.names for word in words)
+
     def in_line(self, line: str) -> tuple[Path, ...]:
         """Return the files named in a sentence: by name, by a stem with letters and digits, or by number."""
         words = re.findall(r"[\w.+-]*\w", line.lower())
-        names = [word for word in words if word in self.names and re.search(r"\.|[a-z].*\d", word)]
-        if not names and self.numbers:
+        names = [word for word in words if word in self.names and re.search(r"\.|[^\W\d_].*\d", word)]
+        if not names and self.numbers and not self.are_others(words):
+            order = sorted(self.numbers)
+            item = _ITEM.match(line)  # of a script, with an item for each of the numbered runs
+            if (
+                item
+                and int(item[2]) == len(order)
+                and order in ([*range(int(item[2]))], [*range(1, int(item[2]) + 1)])
+            ):
+                return self.numbers[order[int(item[1]) - 1]]
             found = {self.numbers.get(int(number), ()) for number in _NUMBER_IN_LINE.findall(line)}
             return found.pop() if len(found) == 1 else ()
         return self.names[names[0]] if len({self.names[name] for name in names}) == 1 else ()
@@ -278,14 +282,11 @@ def _lines_by_file(
         across = []
         named = next((named for cell in cells if (named := known.in_cell(cell))), ())
         if not named and len(cells) == len(header):
-            named = known.item(header[0], cells[0])
             pairs = zip(header, cells, strict=True)
             counts = [cell for name, cell in pairs if _NUMBER_WORDS.search(name) and _WHOLE.fullmatch(cell)]
-            others = any(
-                Path(cell).suffix.lower() in known.suffixes for cell in cells
-            )  # files of another day
+            others = known.are_others([cell.lower() for cell in cells])
             numbered = (known.numbers.get(int(float(cell)), ()) for cell in counts if not others)
-            named = named or next(filter(None, numbered), ())
+            named = next(filter(None, numbered), ())
         if named and len(cells) > 1 and len(cells) == len(header):
             stated = [pair for pair in zip(header, cells, strict=True) if not known.in_cell(pair[1])]
             for file in named:

@@ -1,15 +1,15 @@
 """Entries of structured documents: JSON, XML, YAML, TOML, INI, and assignments in scripts.
 
-Each notation is parsed to nested mappings. The items of a list have the keys 1, 2, ... The mappings
-are written as lines: ``coil current: 0.5 A`` for a value, ``2 pos [mm]`` for a column, and rows of cells
-for a table.
+Each notation is parsed to nested mappings. The items of a list have the keys 1, 2, ... The mappings are
+written as lines: ``coil current: 0.5 A`` for a value, ``2 pos [mm]`` for a column, and a line with the texts
+of an item above the indented entries of this item.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TypeAlias
 from xml.etree import ElementTree
 
@@ -22,9 +22,6 @@ Node: TypeAlias = "dict[str | int, Node | str]"
 SCRIPTS = frozenset({".m", ".py", ".r", ".jl"})
 _COMMENT_SIGNS = {".m": "%", ".ini": "[#;]", ".cfg": "[#;]"}
 NOTATIONS = frozenset({".json", ".xml", ".yaml", ".yml", ".toml", *_COMMENT_SIGNS, *SCRIPTS})
-ITEMS = "item of "
-"""Header of the column with the numbers of the items, followed by their count, in a table of a script."""
-
 _SECTION = re.compile(r"\[+([^\]=,]+)\]+")
 _ENTRY = re.compile(r"(\s*)(- +)?(?:(\"[^\"]*\"|'[^']*'|[^\s:=\[{\"'][^:=]*?)\s*(?::(?=\s|$)|=|<-)\s*)?(.*)")
 _STATEMENT_END = re.compile(r";\s+(?=[A-Za-z_][\w.(){}]*\s*=[^=])")
@@ -49,7 +46,7 @@ def entries_of(text: str, suffix: str) -> list[str]:
             root = ElementTree.fromstring(text)
         except ElementTree.ParseError as error:
             raise ValueError(f"{error}") from error
-        return [*_lines({_bare_tag(root): _tree_of_element(root)})]
+        return [*_lines(_tree_of_object({"": _object_of_element(root)}))]
     remarks, tree = _tree_of_lines(text, suffix)
     return [*remarks, *_lines(tree, is_script=suffix in SCRIPTS)]
 
@@ -57,27 +54,19 @@ def entries_of(text: str, suffix: str) -> list[str]:
 def _tree_of_object(value: object) -> Node | str:
     if isinstance(value, dict):
         return {f"{key}": _tree_of_object(inner) for key, inner in value.items()}
-    if isinstance(value, list):
-        return {k: _tree_of_object(inner) for k, inner in enumerate(value, 1)}
-    return f"{value}"
+    return dict(enumerate(map(_tree_of_object, value), 1)) if isinstance(value, list) else f"{value}"
 
 
-def _tree_of_element(element: ElementTree.Element) -> Node | str:
+def _object_of_element(element: ElementTree.Element) -> object:
     """Return the attributes and children of an XML element. Its text is the entry ``value``."""
-    node: Node = dict(element.attrib.items())
-    groups: dict[str, list[Node | str]] = {}
+    groups: dict[str, list[object]] = {}
     for child in element:
-        groups.setdefault(_bare_tag(child), []).append(_tree_of_element(child))
-    for tag, found in groups.items():
-        node[tag] = found[0] if len(found) == 1 else dict(enumerate(found, 1))
+        groups.setdefault(child.tag.rpartition("}")[2], []).append(_object_of_element(child))
+    inner = {tag: found if len(found) > 1 else found[0] for tag, found in groups.items()}
     text = (element.text or "").strip()
-    if not node:
-        return text
-    return {**node, "value": text} if text else node
-
-
-def _bare_tag(element: ElementTree.Element) -> str:
-    return element.tag.rpartition("}")[2]
+    return (
+        {**element.attrib, **inner, **({"value": text} if text else {})} if inner or element.attrib else text
+    )
 
 
 def _tree_of_lines(text: str, suffix: str) -> tuple[list[str], Node]:
@@ -122,7 +111,7 @@ def _add_entry(line: str, suffix: str, remark: str, tree: Node, levels: list[tup
             node = _child(node, len(node) + 1)
             levels.append((depth, node))
         read = _literal(value)
-        *outer, name = re.findall(r"\w+", name) if suffix in SCRIPTS else [name]
+        *outer, name = re.findall(r"\w+", name) if suffix in SCRIPTS and " " not in name else [name]
         for level in outer:
             node = _child(node, level)
         key = _key(name, read, remark) if name else len(node) + 1
@@ -146,7 +135,7 @@ def _key(name: str, value: Node | str, remark: str) -> str:
     cells = [value] if isinstance(value, str) else [*value.values()]
     unit = next((unit for unit in (re.split(r"[,;(]", remark)[0].strip(" []"), word_and_unit(remark)[1])
                  if is_any_unit(unit)), "")  # fmt: skip
-    are_numbers = all(map(_is_number, cells))
+    are_numbers = all(isinstance(cell, str) and is_number(cell) for cell in cells)
     return f"{name} [{unit}]" if unit and are_numbers and not all(word_and_unit(name)) else name
 
 
@@ -176,109 +165,80 @@ def _bracket(tokens: Iterator[str]) -> Node:
     return node
 
 
-def _lines(node: Node | str, path: str = "", depth: int = 0, *, is_script: bool = False) -> Iterator[str]:
-    """Generate the lines of a mapping: headings, entries with the names of all levels, and tables."""
-    if isinstance(node, str):
-        yield f"{' ' * depth}{path}: {node}"
-        return
-    lists = {
-        key: [*inner.values()] for key, inner in node.items() if isinstance(inner, dict) and _is_list(inner)
-    }
-    plain = {key: items for key, items in lists.items() if not any(isinstance(item, dict) for item in items)}
-    for count in dict.fromkeys(map(len, plain.values())):
-        named = {f"{key}": items for key, items in plain.items() if len(items) == count > 1}
-        for units in [key for key, items in named.items() if all(_is_unit(item) for item in items)][:1]:
-            words = [key for key in named if key != units]
-            before = [key for key in words if [*named].index(key) < [*named].index(units)]
-            own = {key: named.pop(key) for key in (*(before[-1:] or words[:1]), units)}
-            yield from _table(
-                [dict(zip(own, cells, strict=True)) for cells in zip(*own.values(), strict=True)]
-            )
-        rows = [dict(zip(named, cells, strict=True)) for cells in zip(*named.values(), strict=True)]
-        if is_script and rows:
-            rows = [{f"{ITEMS}{count}": f"{k}", **row} for k, row in enumerate(rows, 1)]
-        yield from _table(rows)
-    if all(f"{key}".isdigit() for key in node) and all(map(_is_row, node.values())):
-        numbers = () if _is_list(node) else node
-        yield from _table(
-            [{**({"": f"{key}"} if numbers else {}), **dict(_flat(inner))} for key, inner in node.items()]
-        )
-        return
-    for key, inner in node.items():
-        name = f"{path} {key}".strip()
-        if key in plain or (isinstance(inner, str) and not inner):
-            continue
+def _lines(tree: Node | str, path: tuple[str, ...] = (), *, is_script: bool = False) -> Iterator[str]:
+    """Generate the lines of a mapping. Entries begin with the names of all levels."""
+    blanks = " " * len(path)
+    for key, inner in _with_rows(tree, is_script=is_script).items() if isinstance(tree, dict) else ():
+        own = key if isinstance(key, str) else ""
+        name = " ".join(filter(None, (*path, own)))
         if isinstance(inner, str):
-            word, unit = word_and_unit(name) if is_number(inner) else ("", "")
-            entry = f"{word}: {inner} {unit}" if word and unit else f"{name}: {inner}"
-            yield f"{' ' * depth}{f'{key} [{inner}]' if roles_of_unit(inner) else entry}"
-        elif word_and_unit(f"{key}")[1] and all(map(_is_number, inner.values())):
-            yield from _table([{"": f"{run}", f"{key}": value} for run, value in inner.items()])
-        elif unit := _text(inner, ("unit", "units")):
-            yield from _with_unit(key, name, inner, unit, depth)
+            yield blanks + (f"{key} [{inner}]" if roles_of_unit(inner) else _entry(path, own, inner))
+            continue
+        unit, value, word = _text(inner, "unit", "units"), _text(inner, *_VALUES), _text(inner, *_NAMES)
+        texts = {other: text for other, text in inner.items() if isinstance(text, str)}
+        if unit and value:
+            yield f"{blanks}{word or name}: {value} {unit}"
+        elif unit:
+            number = re.sub(r".*?(\d*)$", r"\1", f"{key}") if word else ""
+            yield f"{blanks}{number} {word or key} [{unit}]"
+            is_value = sum(map(is_number, texts.values())) == 1
+            for other, text in ((other, text) for other, text in texts.items() if text not in {unit, word}):
+                scale = f" [{unit}]" if is_value and is_number(text) else ""
+                yield blanks + _entry((word or own,), f"{other}{scale}", text)
         else:
-            yield f"{' ' * depth}{key}"
-            yield from _lines(inner, name, depth + 1)
+            if f"{key}".isdigit():  # The texts and whole numbers of an item may name a run.
+                own = f"{path[-1] if path and own else ''} {own} " + " ".join(
+                    f"{other} {text}"
+                    for other, text in texts.items()
+                    if not is_number(text) or (text.isdigit() and not word_and_unit(f"{other}")[1])
+                )
+            yield blanks + re.sub("[:=]", " ", own)
+            yield from _lines(inner, (*path, key if isinstance(key, str) else ""))
 
 
-def _with_unit(key: str | int, name: str, node: Node, unit: str, depth: int) -> Iterator[str]:
-    """Generate the lines of a mapping with a unit: a value, or the description of a column."""
-    word = _text(node, _NAMES) or f"{key}"
-    has_one = sum(map(_is_number, node.values())) == 1
-    value = _text(node, _VALUES)
-    if value:
-        yield f"{' ' * depth}{name if word == f'{key}' else word}: {value} {unit}"
-        return
-    number = re.sub(r".*?(\d*)$", r"\1", f"{key}") if word != f"{key}" else ""
-    yield f"{' ' * depth}{number} {word} [{unit}]"
-    for other, inner in node.items():
-        if isinstance(inner, str) and inner not in {unit, word}:
-            yield f"{' ' * depth}{word} {other}: {inner}{f' {unit}' if has_one and is_number(inner) else ''}"
+def _entry(path: tuple[str, ...], name: str, value: str) -> str:
+    word, unit = word_and_unit(name) if is_number(value) else ("", "")
+    return f"{' '.join(filter(None, (*path, word if unit else name)))}: {value} {unit}".rstrip()
 
 
-def _text(node: Node, keys: tuple[str, ...]) -> str:
+def _with_rows(tree: Node, *, is_script: bool) -> Node:
+    """Return a mapping with equally long lists replaced by the list of their rows.
+
+    A list of units and the list above it describe the columns. The rows of a script are numbered.
+    """
+    rows: Node = {}
+    lists: dict[int, dict[str, list[str]]] = {}
+    for key, inner in tree.items():
+        cells = [cell for cell in inner.values() if isinstance(cell, str)] if isinstance(inner, dict) else []
+        if not isinstance(inner, dict) or len(cells) < max(len(inner), 2):
+            rows[key] = inner
+        elif [*inner] == [*range(1, len(inner) + 1)]:
+            lists.setdefault(len(cells), {})[f"{key}"] = cells
+        elif word_and_unit(f"{key}")[1] and all(map(is_number, cells)):
+            rows[key] = {run: {key: value} for run, value in inner.items()}
+        else:
+            rows[key] = inner
+    for count, columns in lists.items():
+        units = next((key for key, cells in columns.items() if all(map(roles_of_unit, cells))), "")
+        if units and len(columns) > 1:
+            names = [*columns]
+            words = names[max(names.index(units) - 1, 0)] if names[0] != units else names[1]
+            described = zip(columns.pop(words), columns.pop(units), strict=True)
+            rows[units] = _of_columns(described)
+        for key, cells in [*columns.items()]:
+            if all(all(word_and_unit(cell)) for cell in cells):
+                rows[key] = _of_columns(map(word_and_unit, columns.pop(key)))
+        for number, values in enumerate(zip(*columns.values(), strict=True), 1):
+            item: Node = {"item": f"{number} of {count}"} if is_script else {}
+            _child(rows, f"items of {count}")[number] = {**item, **dict(zip(columns, values, strict=True))}
+    return rows
+
+
+def _of_columns(described: Iterable[tuple[str, str]]) -> Node:
+    return {number: {"name": word, "unit": unit} for number, (word, unit) in enumerate(described, 1)}
+
+
+def _text(node: Node, *keys: str) -> str:
     """Return the first text at one of the keys, in any case; "" if there is none."""
     return next((value for wanted in keys for key, value in node.items()
                  if isinstance(value, str) and f"{key}".lower() == wanted), "")  # fmt: skip
-
-
-def _is_number(value: Node | str) -> bool:
-    return isinstance(value, str) and is_number(value)
-
-
-def _is_unit(value: Node | str) -> bool:
-    return isinstance(value, str) and bool(roles_of_unit(value))
-
-
-def _is_list(node: Node) -> bool:
-    return bool(node) and [*node] == [*range(1, len(node) + 1)]
-
-
-def _is_row(node: Node | str) -> bool:
-    """Return True if an item of a list is a row of a table, and not the description of a column."""
-    return isinstance(node, dict) and bool(_text(node, _VALUES) or not _text(node, ("unit", "units")))
-
-
-def _flat(node: Node | str, path: str = "") -> Iterator[tuple[str, str]]:
-    """Generate the entries of a row: name with the names of all levels, and value with its unit."""
-    if isinstance(node, str):
-        yield path, node
-    elif (value := _text(node, _VALUES)) and (unit := _text(node, ("unit", "units"))):
-        yield path, f"{value} {unit}"
-    else:
-        for key, inner in node.items():
-            yield from _flat(inner, f"{path} {key}".strip())
-
-
-def _table(rows: list[dict[str, Node | str]]) -> Iterator[str]:
-    """Generate the lines of a table: numbered names and units of columns, else a header and rows of cells."""
-    names = dict.fromkeys(name for row in rows for name in row)
-    units = [name for name in names if rows and all(_is_unit(row.get(name, "")) for row in rows)]
-    if len(units) == 1 and len(names) > 1:
-        words = next(name for name in names if name != units[0] and not f"{rows[0].get(name)}".isdigit())
-        yield from (f"{k} {row.get(words, '')} [{row[units[0]]}]" for k, row in enumerate(rows, 1))
-    elif len(names) == 1 and all(word_and_unit(f"{row[name]}")[1] for name in names for row in rows):
-        yield from (f"{k} {row[name]}" for name in names for k, row in enumerate(rows, 1))
-    elif rows:
-        yield "\t".join(names)
-        yield from ("\t".join(f"{row.get(name, '')}".replace("\t", " ") for name in names) for row in rows)
