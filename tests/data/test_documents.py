@@ -1,16 +1,16 @@
-"""Documents of further laboratories: notations, run lists, protocols, recorders, directions, contradictions."""
+"""Documents of laboratories: structured notations, run lists, recorders, directions and contradictions."""
 
 from __future__ import annotations
 
 import json
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from mrdamper.data.proposal.notation import entries_of
 from mrdamper.data.proposal.questions import AskingError
 from mrdamper.data.readers import read_each, read_runs
 from mrdamper.data.words.signs import signs_in
@@ -18,58 +18,285 @@ from tests.data.test_laboratories import CURRENTS, RUNS, assert_read
 from tests.data.test_unseen_layouts import BARE, FULL, NAMES, bare, columns, full, table, write
 
 WARM_K = 303.15
+UNITS = {"t": "s", "x": "mm", "F": "N"}
+NAMED = "t,x,F\n"
+Writer = Callable[[Path], None]
 
 
-def opaque(folder: Path, head: str = "a,b,c\n", sign: str = ",") -> None:
-    """Write runs whose columns have no meaning without a document."""
+def runs(folder: Path, head: str = NAMED) -> None:
+    """Write runs without current. The header has no units, or is missing."""
     for name, run in zip(NAMES, RUNS, strict=True):
-        write(folder, f"{name}.csv", head + table(*columns(run)[:3], sign=sign))
+        write(folder, f"{name}.csv", head + table(*columns(run)[:3]))
 
 
-def beside(suffix: str, text: Callable[[float], str]) -> Callable[[Path], None]:
-    """Return a writer of opaque runs with one document for each run."""
+def beside(suffix: str, text: Callable[[float], str], head: str = NAMED) -> Writer:
+    """Return a writer of runs with one document for each run."""
 
     def writer(folder: Path) -> None:
-        opaque(folder)
+        runs(folder, head)
         for name, current in zip(NAMES, CURRENTS, strict=True):
             write(folder, f"{name}{suffix}", text(current))
 
     return writer
 
 
-def with_document(name: str, text: str, head: str = "a,b,c\n", sign: str = ",") -> Callable[[Path], None]:
-    """Return a writer of opaque runs with one document about all of them."""
+def about(name: str, text: str, head: str = NAMED) -> Writer:
+    """Return a writer of runs with one document about all of them."""
 
     def writer(folder: Path) -> None:
-        opaque(folder, head, sign)
+        runs(folder, head)
         write(folder, name, text)
 
     return writer
 
 
-def workbook(*rows: list[object]) -> Callable[[Path], None]:
-    def writer(folder: Path) -> None:
-        from openpyxl import Workbook
-
-        bare(folder)
-        book = Workbook()
-        for row in rows:
-            book.active.append(row)
-        book.save(folder / "plan.xlsx")
-
-    return writer
+def each(text: str, numbers: Iterable[object] = (1, 2, 3)) -> str:
+    """Return a text for each run, with its name ``n``, current ``i`` and number ``k``."""
+    return "".join(text % {"n": n, "i": i, "k": k} for n, i, k in zip(NAMES, CURRENTS, numbers, strict=True))
 
 
-A, B, C = CURRENTS
-DOCUMENTS: dict[str, Callable[[Path], None]] = {
-    "json_of_each_run": beside(
+def workbook(folder: Path) -> None:
+    from openpyxl import Workbook
+
+    bare(folder)
+    book = Workbook()
+    for row in (["Matrix"], ["File", *NAMES], ["励磁电流/A", *CURRENTS], ["阻尼器温度/℃", 30, 30, 30]):
+        book.active.append(row)
+    book.save(folder / "plan.xlsx")
+
+
+def protocols(folder: Path) -> None:
+    for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
+        write(folder, f"měření {k}/záznam.csv", BARE + table(*columns(run)[:3]))
+        write(folder, f"měření {k}/zápis.txt", f"Proud cívkou: {current} A\nTeplota tlumiče: 30 °C\n")
+        write(folder, f"měření {k}/špičky.csv", "Cyklus;Fmax [N];Fmin [N]\n1;900;-900\n2;901;-901\n")
+
+
+def archived(folder: Path) -> None:
+    bare(folder)
+    with zipfile.ZipFile(folder / "day.zip", "w") as file:
+        for name in NAMES:
+            file.write(folder / f"{name}.csv", f"raw/{name}.csv")
+            (folder / f"{name}.csv").unlink()
+    write(folder, "README.md", "| File | I (A) | T (°C) |\n|--|--|--|\n" + each("| %(n)s | %(i)s | 30 |\n"))
+
+
+CURRENT_LIST = ", ".join(map(str, CURRENTS))
+CHANNELS = [
+    {"name": name, "unit": unit} for name, unit in zip(("time", "pos", "load"), UNITS.values(), strict=True)
+]
+DOCUMENTS: dict[str, Writer] = {
+    "json_with_values_and_units": beside(
         "_meta.json",
         lambda i: json.dumps(
             {
-                "conditions": {"coil": {"value": 1e3 * i, "unit": "mA"}, "oil": {"value": 30, "unit": "degC"}},
+                "conditions": {
+                    "coil": {"value": 1e3 * i, "unit": "mA"},
+                    "oil temperature": {"value": 303.15, "unit": "K"},
+                },
                 "limits": {"current": {"value": 9, "unit": "A"}},
-                "channels": [{"name": n, "unit": u} for n, u in zip("abc", ("s", "mm", "N"), strict=True)],
+                "columns": {name: {"unit": unit} for name, unit in UNITS.items()},
             }
-        ).replace('"a"', '"a", "quantity": "time"'),
+        ),
+    ),
+    "json_with_channels_of_a_text_without_header": beside(
+        ".csv.json", lambda i: json.dumps({"channels": CHANNELS, "current_A": i, "oil_degC": 30}), head=""
+    ),
+    "json_with_lists": about(
+        "tests.json",
+        json.dumps(
+            {
+                "names": [*UNITS],
+                "units": [*UNITS.values()],
+                "file": [f"{name}.csv" for name in NAMES],
+                "current_A": CURRENTS,
+                "oil_degC": [30, 30, 30],
+            }
+        ),
+        head="",
+    ),
+    "yaml": about(
+        "setup.yaml",
+        "columns:\n- {name: t, unit: s}\n- {name: x, unit: mm}\n- {name: F, unit: N}\nruns:\n"
+        + each("  - coil_current: %(i)s A\n    oil: 30 °C\n    file: %(n)s.csv\n"),
+    ),
+    "yaml_with_numbers": about(
+        "setup.yml",
+        "units:\n  t: s\n  x: mm\n  F: N\nruns:\n" + each("  %(k)s: {current_A: %(i)s, oil_degC: 30}\n"),
+    ),
+    "ini": about(
+        "rig.ini",
+        "[channel1]\nname=time\nunit=s\n[channel2]\nname=stroke\nunit=mm\n[channel3]\nname=load\nunit=N\n"
+        + each("[%(n)s]\ncurrent = %(i)s ; A\noil = 30 ; degC\n"),
+        head="",
+    ),
+    "toml": about(
+        "rig.toml",
+        'columns = {t = "s", x = "mm", F = "N"}\n'
+        + each('[[run]]\nfile = "%(n)s.csv"\ncoil = %(i)s # A\noil = 30 # degC\n'),
+    ),
+    "xml": about(
+        "test.xml",
+        '<test><channel name="t" unit="s"/><channel name="x" unit="mm"/><channel name="F" unit="N"/>'
+        + each('<run file="%(n)s.csv"><current unit="A">%(i)s</current><oil unit="degC">30</oil></run>')
+        + "</test>",
+    ),
+    "python": about(
+        "load.py",
+        "# columns: 1 time [s], 2 stroke [mm], 3 force [N]\n"
+        + "CURRENT_A = {\n"
+        + each("    '%(n)s.csv': %(i)s,\n")
+        + "}\nI_max = 9  # A\noil = np.array([30, 30,\n    30])  # degC\n"
+        + "for f in FILES:\n    t, x, F = np.loadtxt(f).T\n",
+        head="",
+    ),
+    "matlab": about(
+        "load_runs.m",
+        "%   1  time, s\n%   2  position, mm   (extension positive)\n%   3  load, N\n"
+        f"I = [{CURRENT_LIST.replace(',', '')}];  % A\nT_oil = [30 30 30]; % degC\n"
+        "for k = 1:3\n  D = load(sprintf('run_%02d.csv', k));\nend\n",
+        head="",
+    ),
+    "matlab_structures": about(
+        "data.m",
+        "cols = {'t','x','F'}; units = {'s','mm','N'};\n"
+        + each("v(%(k)s).file = '%(n)s.csv'; v(%(k)s).I = %(i)s; %% A\nv(%(k)s).T_oil = 30; %% degC\n"),
+        head="",
+    ),
+    "workbook_with_a_column_for_each_run": workbook,
+    "protocol_in_each_folder": protocols,
+    "document_next_to_an_archive": archived,
+    "blanks_between_cells": about(
+        "protokol.txt",
+        "Protokol\n\nsoubor    proud (A)   teplota (°C)\n" + each("%(n)s    %(i)s    30\n"),
+        head=BARE,
     ),
 }
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_document_supplies_columns_and_conditions(tmp_path, document):
+    DOCUMENTS[document](tmp_path)
+    assert_read(read_runs(tmp_path), warm=WARM_K)
+
+
+UNCLEAR: dict[str, Writer] = {
+    "limits": about("rig.json", json.dumps({"limit": {"current": {"value": 2, "unit": "A"}}}), BARE),
+    "supply": about("rig.yaml", "supply:\n  voltage: 24 V\n  current: 5 A\n", BARE),
+    "constant_of_a_script": about("plot.m", "I = 1.5; % A\nload run_01.csv\n", BARE),
+    "list_of_other_length": about("plot.m", "I = [0 0.5 1 1.5]; % A\n", BARE),
+    "scaled_list": about("plot.m", "I = [0 0.5 1]*2; % A\n", BARE),
+    "list_without_unit": about("plot.py", "I = [0, 0.5, 1]\n", BARE),
+    "list_without_files": about("plan.yaml", "currents_A: [0, 0.5, 1.0]\n", BARE),
+    "files_of_another_day": about("list.csv", "No,File,I [A]\n" + each("%(k)s,old_0%(k)s.csv,%(i)s\n"), BARE),
+    "two_currents": beside(
+        ".json", lambda i: json.dumps({"start_current_A": i, "end_current_A": i + 1}), BARE
+    ),
+    "missing_unit": beside(".json", lambda i: json.dumps({"current_A": i, "units": {"t": "s", "x": "mm"}})),
+}
+
+
+@pytest.mark.parametrize("document", UNCLEAR)
+def test_unclear_document_leads_to_question(tmp_path, document):
+    """Limits, constants of programs and lists of other runs are no currents of the runs."""
+    UNCLEAR[document](tmp_path)
+    with pytest.raises(AskingError):
+        read_runs(tmp_path)
+
+
+@pytest.mark.parametrize("source", ["header", "sidecar", "list"])
+def test_words_contradict_measured_current(tmp_path, source):
+    """The question has the stated and the measured current."""
+    head = "Coil current: 0.4 A\n\n" if source == "header" else ""
+    for name, run in zip(NAMES, RUNS, strict=True):
+        write(tmp_path, f"{name}.csv", head + FULL + table(*columns(run)))
+        if source == "sidecar":
+            write(tmp_path, f"{name}.json", json.dumps({"coil": {"value": 400, "unit": "mA"}}))
+    if source == "list":
+        write(tmp_path, "list.csv", "file;current [A]\n" + each("%(n)s;0.4\n"))
+    with pytest.raises(AskingError, match=r"says 0\.4 A, and the current measured is 0\.75 A"):
+        read_runs(tmp_path)
+
+
+def test_contradictory_temperatures_are_reported(tmp_path):
+    full(tmp_path)
+    for number, warm in enumerate((30, 40)):
+        write(tmp_path, f"list{number}.csv", "file;oil [°C]\n" + each(f"%(n)s;{warm}\n"))
+    read = read_each(tmp_path)
+    found = [each for each in read.findings if each.kind == "contradictory_temperatures"]
+    assert {each.run for each in found} == {*NAMES}
+    assert "30 degC" in found[0].found
+    assert "40 degC" in found[0].found
+    assert all(run.temperature is None for run in read.runs)
+
+
+DAY = datetime(2022, 9, 14, 9, 0, 0)
+STARTS = [DAY + timedelta(minutes=11 * k + 12, seconds=30) for k in range(3)]
+LISTS = {
+    "moment": ("file,start,current [A]", lambda s: f"{s:%Y-%m-%d %H:%M:%S},"),
+    "date_and_clock": ("Datei;Datum;Uhrzeit;Strom [A]", lambda s: f"{s:%d.%m.%Y;%H:%M:%S};"),
+    "minutes": ("Datei;Datum;Uhrzeit;Strom [A]", lambda s: f"{s:%d.%m.%Y;%H:%M};"),
+    "date_in_the_title": ("Messprotokoll vom 14.09.2022\n\nDatei;Beginn;Strom [A]", lambda s: f"{s:%H:%M};"),
+    "american": ("Test,Date,Time,Current (A)", lambda s: f"{s:%m/%d/%Y,%I:%M:%S %p},"),
+}
+
+
+@pytest.mark.parametrize("layout", LISTS)
+def test_starts_in_list_join_temperature_recorder(tmp_path, layout):
+    """The recorder has the damper and the hall, and states date and clock in two columns."""
+    head, cells = LISTS[layout]
+    sign = ";" if ";" in head else ","
+    bare(tmp_path)
+    rows = zip(NAMES, STARTS, CURRENTS, strict=True)
+    write(tmp_path, "list.csv", f"{head}\n" + "".join(f"{n}{sign}{cells(s)}{i}\n" for n, s, i in rows))
+    times = [DAY + timedelta(seconds=30 * k) for k in range(120)]
+    lines = (f"{t:%d.%m.%Y;%H:%M:%S};{22 + 0.1 * k:.2f};20.4\n" for k, t in enumerate(times))
+    write(tmp_path, "recorder.csv", "Date;Time;Damper [°C];Hall [°C]\n" + "".join(lines))
+    kelvin = [run.temperature[0] for run in read_runs(tmp_path)]
+    assert np.allclose(kelvin, [297.65, 299.85, 302.05], atol=0.15)
+
+
+@pytest.mark.parametrize(
+    ("line", "signs"),
+    [
+        ("compression positive", (-1, -1)),
+        ("Zug positiv, ausfahren negativ", (-1, 1)),
+        ("Stroke positive in extension, load cell positive in compression.", (1, -1)),
+        ("Vorzeichen: Einfedern und Druckkraft positiv", (-1, -1)),
+        ("COMPRESSION IS POSITIVE FOR STROKE AND FORCE", (-1, -1)),
+        ("Corsa positiva in estensione, forza positiva in trazione", (1, 1)),
+        ("damper force, kN (compression positive)", (None, -1)),
+        ("Peak compression: 300 N, positive peak 200 N", (None, None)),
+    ],
+)
+def test_direction_is_stated_for_its_role(line, signs):
+    found = signs_in([line])
+    assert (found.get("displacement"), found.get("force")) == signs
+
+
+@pytest.mark.parametrize(
+    ("line", "signs"),
+    [
+        ("Stroke positive in extension, load cell positive in compression", (1, -1)),
+        ("Load cell: compression positive", (-1, -1)),
+        ("Load cell: compression positive", (1, -1)),
+        ("Compression positive", (-1, -1)),
+    ],
+)
+def test_stated_direction_reverses_channels(tmp_path, line, signs):
+    """A force that resists extension is positive. A missing sign follows from the dissipation."""
+    for name, run in zip(NAMES, RUNS, strict=True):
+        t, x, f, i = columns(run)
+        write(tmp_path, f"{name}.csv", f"{line}\n{FULL}" + table(t, signs[0] * x, signs[1] * f, i))
+    assert_read(read_runs(tmp_path))
+
+
+def test_contradictory_direction_is_not_applied(tmp_path):
+    """A damper with the stated directions would create energy."""
+    for name, run in zip(NAMES, RUNS, strict=True):
+        write(
+            tmp_path,
+            f"{name}.csv",
+            f"Load compression positive, stroke extension positive\n{FULL}" + table(*columns(run)),
+        )
+    assert_read(read_runs(tmp_path))

@@ -145,7 +145,7 @@ def with_temperature(
             finding = Finding(
                 kind="contradictory_temperatures",
                 channel="temperature",
-                found=f"{label.in_words('K')}",
+                found=label.in_words("degC"),
                 effect="None of the temperatures is used",
                 remedy="Correct the texts, or answer temperature.value=VALUE",
             )

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from mrdamper.data.words.headers import has_word
 from mrdamper.errors import InputError
-from mrdamper.quantities import QUANTITIES, to_si
+from mrdamper.quantities import QUANTITIES, ZERO_CELSIUS_K, to_si
 
 # Fortran writes 5.0D-01. Without a decimal point, an exponent needs a sign: "3E2" may be a name.
 _NUMBER = r"(?:\d+|(?=\.\d))(?:[.,p]\d+(?:[eEdD]\d{1,3})?)?(?:[eEdD][-+]\d{1,3})?"
@@ -86,8 +86,9 @@ class Label:
     others: tuple[Label, ...] = ()  # Labels of other sources that contradict this label.
 
     def in_words(self, unit: str) -> str:
-        """Return the sources with their texts and values."""
-        values = " and ".join(f"{value:g} {unit}" for value in self.values)
+        """Return the sources with their texts and values. Temperatures are in degC."""
+        shift = ZERO_CELSIUS_K if self.role == "temperature" else 0.0
+        values = " and ".join(f"{value - shift:g} {unit}" for value in self.values)
         return ", and ".join(
             [f"the {self.source} {self.text!r} says {values}", *(each.in_words(unit) for each in self.others)]
         )

@@ -52,11 +52,7 @@ def _signs_of_line(line: str) -> list[tuple[str, int]]:
     if not polarities or _NO_SIGN.search(line):
         return []
     found = []
-    clauses = [
-        (clause, [key for key, form in _DIRECTION_FORMS.items() if form.search(clause)])
-        for clause in _CLAUSES.split(line)
-    ]
-    clauses = [(clause, directions) for clause, directions in clauses if directions]
+    clauses = [(clause, directions) for clause in _clauses_of(line) if (directions := _directions_in(clause))]
     for clause, directions in clauses:
         own = [sign for sign, form in _POLARITIES.items() if form.search(clause)] or polarities
         if len(own) == 1 and len({sign for sign, _ in directions}) == 1:
@@ -64,6 +60,22 @@ def _signs_of_line(line: str) -> list[tuple[str, int]]:
             roles = roles if len(roles) == 1 else _roles_in(line) or roles
             found += [(role, own[0] * directions[0][0]) for role in roles]
     return found
+
+
+def _clauses_of(line: str) -> list[str]:
+    """Return the clauses of a line. The name of a role after a direction begins another clause."""
+    clauses = [""]
+    for part in _CLAUSES.split(line):
+        clauses.append("")
+        for word in part.split():
+            if _roles_in(word) and _directions_in(clauses[-1]):
+                clauses.append("")
+            clauses[-1] += f" {word}"
+    return clauses
+
+
+def _directions_in(text: str) -> list[tuple[int, tuple[str, ...]]]:
+    return [key for key, form in _DIRECTION_FORMS.items() if form.search(text)]
 
 
 def _roles_in(text: str) -> tuple[str, ...]:
