@@ -37,7 +37,7 @@ _NUMBER_IN_LINE = re.compile(  # "run 7", but not "test 2 A"
     re.IGNORECASE,
 )
 _CLOCK_OF_LIST = re.compile(r"(?<![\d:.,])(\d{1,2}:\d{2})(?![\d:.,])")  # Lists omit the seconds.
-_ITEM = re.compile(r"\s*item (\d+) of (\d+)\b")
+_ITEM = re.compile(r"\bitem (\d+) of (\d+)$")
 _WHOLE = re.compile(r"\d{1,9}(\.0)?")
 _HEADING = re.compile(r"\s*(\[.*\]|#+ .*|[^:=]*:)\s*")
 _ALL_RUNS = re.compile(
@@ -129,14 +129,9 @@ class _Files:
         words = re.findall(r"[\w.+-]*\w", line.lower())
         names = [word for word in words if word in self.names and re.search(r"\.|[^\W\d_].*\d", word)]
         if not names and self.numbers and not self.are_others(words):
-            order = sorted(self.numbers)
-            item = _ITEM.match(line)  # of a script, with an item for each of the numbered runs
-            if (
-                item
-                and int(item[2]) == len(order)
-                and order in ([*range(int(item[2]))], [*range(1, int(item[2]) + 1)])
-            ):
-                return self.numbers[order[int(item[1]) - 1]]
+            order, item = sorted(self.numbers), _ITEM.search(line)
+            if item and int(item[2]) == len(order) == order[-1] - order[0] + 1 and order[0] < 2:
+                return self.numbers[order[int(item[1]) - 1]]  # A script has an item for each run.
             found = {self.numbers.get(int(number), ()) for number in _NUMBER_IN_LINE.findall(line)}
             return found.pop() if len(found) == 1 else ()
         return self.names[names[0]] if len({self.names[name] for name in names}) == 1 else ()
@@ -162,9 +157,7 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
             texts[path] = _lines_of(path)
         except (InputError, OSError, ValueError, RecursionError):  # damaged text, JSON, XML or workbook
             continue
-    sampled = {
-        path for path, lines in texts.items() if any(holds_samples(lines, sign) for sign in DELIMITERS)
-    }
+    sampled = {path for path in texts if any(holds_samples(texts[path], sign) for sign in DELIMITERS)}
     found = []
     for path, lines in texts.items():
         siblings = [file for file in files if file.parent == path.parent and file != path]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import TypeAlias
 from xml.etree import ElementTree
 
@@ -27,8 +27,9 @@ _ENTRY = re.compile(r"(\s*)(- +)?(?:(\"[^\"]*\"|'[^']*'|[^\s:=\[{\"'][^:=]*?)\s*
 _STATEMENT_END = re.compile(r";\s+(?=[A-Za-z_][\w.(){}]*\s*=[^=])")
 _TOKEN = re.compile(r"'[^']*'|\"[^\"]*\"|[\[\]{}(),;:=]|[^\s\[\]{}(),;:=]+")
 _BRACKET = re.compile(r"(?:(?:(?:np\.)?array|c)\()?\s*[\[{]|c\(")
-_VALUES = ("value", "val", "mean", "set")
-_NAMES = ("name", "channel", "column", "label", "signal", "quantity", "title")
+_UNITS = ("unit", "units")
+_VALUES = ("value", "val", "mean", "set", "setpoint", "nominal", "actual")
+_NAMES = ("name", "names", "channel", "channels", "column", "columns", "label", "signal", "quantity", "title")
 
 
 def entries_of(text: str, suffix: str) -> list[str]:
@@ -168,77 +169,55 @@ def _bracket(tokens: Iterator[str]) -> Node:
 def _lines(tree: Node | str, path: tuple[str, ...] = (), *, is_script: bool = False) -> Iterator[str]:
     """Generate the lines of a mapping. Entries begin with the names of all levels."""
     blanks = " " * len(path)
-    for key, inner in _with_rows(tree, is_script=is_script).items() if isinstance(tree, dict) else ():
+    for key, inner in _items(tree, is_script=is_script) if isinstance(tree, dict) else ():
         own = key if isinstance(key, str) else ""
         name = " ".join(filter(None, (*path, own)))
         if isinstance(inner, str):
-            yield blanks + (f"{key} [{inner}]" if roles_of_unit(inner) else _entry(path, own, inner))
+            yield f"{blanks}{key} [{inner}]" if roles_of_unit(inner) else f"{blanks}{name}: {inner}"
             continue
-        unit, value, word = _text(inner, "unit", "units"), _text(inner, *_VALUES), _text(inner, *_NAMES)
-        texts = {other: text for other, text in inner.items() if isinstance(text, str)}
+        unit, value, word = (_text(inner, keys) for keys in (_UNITS, _VALUES, _NAMES))
+        texts = {other: text for other, text in inner.items() if isinstance(text, str) and text != unit}
         if unit and value:
             yield f"{blanks}{word or name}: {value} {unit}"
-        elif unit:
-            number = re.sub(r".*?(\d*)$", r"\1", f"{key}") if word else ""
-            yield f"{blanks}{number} {word or key} [{unit}]"
-            is_value = sum(map(is_number, texts.values())) == 1
-            for other, text in ((other, text) for other, text in texts.items() if text not in {unit, word}):
-                scale = f" [{unit}]" if is_value and is_number(text) else ""
-                yield blanks + _entry((word or own,), f"{other}{scale}", text)
+            continue
+        if unit:
+            number = re.sub(r".*?(\d*)$", r"\1", f"{key}") if texts else ""
+            own = word or own or next(iter(texts.values()), "")
+            yield f"{blanks}{number} {own} [{unit}]"
+            kept: Node = {other: text for other, text in inner.items() if text not in (unit, own)}
+            yield from _lines(kept, (*path, own))
+            continue
+        if f"{key}".isdigit():  # The texts and whole numbers of an item may name a run.
+            items = (pair for pair in texts.items() if not is_number(pair[1]) or pair[1].isdigit())
+            heading = [f"{other} {text}" for other, text in items if not word_and_unit(f"{other}")[1]]
+            yield blanks + re.sub("[:=]", " ", " ".join((*(path[-1:] if own else ()), own, *heading)))
         else:
-            if f"{key}".isdigit():  # The texts and whole numbers of an item may name a run.
-                own = f"{path[-1] if path and own else ''} {own} " + " ".join(
-                    f"{other} {text}"
-                    for other, text in texts.items()
-                    if not is_number(text) or (text.isdigit() and not word_and_unit(f"{other}")[1])
-                )
-            yield blanks + re.sub("[:=]", " ", own)
-            yield from _lines(inner, (*path, key if isinstance(key, str) else ""))
+            yield blanks + own
+        yield from _lines(inner, (*path, own))
 
 
-def _entry(path: tuple[str, ...], name: str, value: str) -> str:
-    word, unit = word_and_unit(name) if is_number(value) else ("", "")
-    return f"{' '.join(filter(None, (*path, word if unit else name)))}: {value} {unit}".rstrip()
-
-
-def _with_rows(tree: Node, *, is_script: bool) -> Node:
-    """Return a mapping with equally long lists replaced by the list of their rows.
-
-    A list of units and the list above it describe the columns. The rows of a script are numbered.
-    """
-    rows: Node = {}
-    lists: dict[int, dict[str, list[str]]] = {}
+def _items(tree: Node, *, is_script: bool) -> Iterator[tuple[str | int, Node | str]]:
+    """Generate the items of a mapping; equally long lists as their rows, which a script numbers."""
+    lists: dict[int, dict[str | int, Node | str]] = {}
     for key, inner in tree.items():
         cells = [cell for cell in inner.values() if isinstance(cell, str)] if isinstance(inner, dict) else []
         if not isinstance(inner, dict) or len(cells) < max(len(inner), 2):
-            rows[key] = inner
+            yield key, inner
         elif [*inner] == [*range(1, len(inner) + 1)]:
-            lists.setdefault(len(cells), {})[f"{key}"] = cells
+            lists.setdefault(len(cells), {})[key] = inner
         elif word_and_unit(f"{key}")[1] and all(map(is_number, cells)):
-            rows[key] = {run: {key: value} for run, value in inner.items()}
+            yield from ((run, {key: value}) for run, value in inner.items())
         else:
-            rows[key] = inner
+            yield key, inner
     for count, columns in lists.items():
-        units = next((key for key, cells in columns.items() if all(map(roles_of_unit, cells))), "")
-        if units and len(columns) > 1:
-            names = [*columns]
-            words = names[max(names.index(units) - 1, 0)] if names[0] != units else names[1]
-            described = zip(columns.pop(words), columns.pop(units), strict=True)
-            rows[units] = _of_columns(described)
-        for key, cells in [*columns.items()]:
-            if all(all(word_and_unit(cell)) for cell in cells):
-                rows[key] = _of_columns(map(word_and_unit, columns.pop(key)))
-        for number, values in enumerate(zip(*columns.values(), strict=True), 1):
-            item: Node = {"item": f"{number} of {count}"} if is_script else {}
-            _child(rows, f"items of {count}")[number] = {**item, **dict(zip(columns, values, strict=True))}
-    return rows
+        for number in range(1, count + 1):
+            row: Node = {key: column[number] for key, column in columns.items() if isinstance(column, dict)}
+            word, unit = word_and_unit(f"{next(iter(row.values()))}")
+            row = {"name": word, "unit": unit} if word and unit else row
+            yield number, {**row, **({"item": f"{number} of {count}"} if is_script else {})}
 
 
-def _of_columns(described: Iterable[tuple[str, str]]) -> Node:
-    return {number: {"name": word, "unit": unit} for number, (word, unit) in enumerate(described, 1)}
-
-
-def _text(node: Node, *keys: str) -> str:
+def _text(node: Node, keys: tuple[str, ...]) -> str:
     """Return the first text at one of the keys, in any case; "" if there is none."""
     return next((value for wanted in keys for key, value in node.items()
                  if isinstance(value, str) and f"{key}".lower() == wanted), "")  # fmt: skip

@@ -30,6 +30,8 @@ _NUMBERED = re.compile(r"^(.+_[^\W\d]+)[_ ]\d+$")  # "force_N_2"
 _CHUNKS = re.compile(r"(?:[,;:|.](?:\s+|$)|\t|\s+(?:and|und|et|y)\s+)+")
 _IN = re.compile(r"(.+?)\s+in\s+(\S+)", re.IGNORECASE)
 _NUMBERED_CHUNK = re.compile(r"[-*#\s]*(?:[A-Za-z]+ )?(\d{1,2}) (\D.*)")
+_VALUE = re.compile(r"\S\s*[:=]\s*[+-]?\d[\d.,]*\s*$")
+_REMARK = re.compile(r"\([^()]* [^()]*\)\s*$")  # "(tension positive)" is no unit.
 _NARROW = str.maketrans("（）［］／", "()[]/")
 
 Kind = Literal["set point", "sensor output", "statistic", "filtered", "ambient", "fluid", "damper"]
@@ -99,7 +101,9 @@ def legend_in(line: str) -> list[tuple[int | None, str, str]]:
     units = [cell for cell in cells[1:] if roles_of_unit(cell)]
     if len(units) == 1 and cells[0] and len(cells) > 1:
         return [(None, cells[0], units[0])]
-    whole = _NUMBERED_CHUNK.fullmatch(re.sub(r"\s+", " ", re.sub(r"\([^()]* [^()]*\)\s*$", "", line)).strip())
+    if _VALUE.search(line):
+        return []
+    whole = _NUMBERED_CHUNK.fullmatch(" ".join(_REMARK.sub("", line).split()))
     if whole and all(parts := word_and_unit(whole[2])) and len(parts[0].split()) <= 3:
         return [(int(whole[1]), *parts)]
     found: list[tuple[int | None, str, str]] = []
