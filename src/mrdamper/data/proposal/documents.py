@@ -162,12 +162,17 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
     for path, lines in texts.items():
         siblings = [file for file in files if file.parent == path.parent and file != path]
         below = [file for file in files if path.parent in file.parents and file != path]
-        # A short text without samples is no run, and neither is a list of files.
-        runs = [file for file in below if file in sampled or not texts.get(file)]
+        # A short text without samples is no run. The user may have chosen one of several runs.
+        runs = [
+            file
+            for file in texts
+            if path.parent in file.parents and file != path and file.suffix in suffixes
+            if file in sampled or not texts[file]
+        ]
         is_run = (path in sampled and path.suffix in suffixes) or (
             path in files and path.suffix.lower() not in NOTATIONS
         )
-        owners = () if is_run else _owners(path, lines, siblings, runs)
+        owners = () if is_run else _owners(path, lines, siblings, runs if {*runs} <= {*files} else ())
         stating: Mapping[Path, tuple[str, ...]] = {}
         for group in (siblings, below):
             if lines and not stating:

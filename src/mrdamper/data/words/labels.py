@@ -43,10 +43,10 @@ _AFTER_UNIT = {
 }
 _NOT_SET = re.compile(
     r"max|min\b|limit|range|rated|nominal|fuse|peak|full.?scale|100 ?%|bereich|grenz|capacity|excitation"
-    r"|sensitiv",
+    r"|sensitiv|heater|heiz|\bpump|\bmotor|bridge|br[üu]cke",
     re.IGNORECASE,
 )
-_SUPPLY = re.compile(r"supply|netzteil|alimentation", re.IGNORECASE)
+_SUPPLY = re.compile(r"supply|\bpsu\b|netzteil|aliment|zasilacz|zdroj|fuente|电源", re.IGNORECASE)
 _SET = re.compile(
     rf"\bset\b|curr|strom|(?:coil|magnet|damper|spul|bobin).*[:=]\s*[+-]?{_NUMBER}\s?m?A\s*(?:\(.*\))?$",
     re.IGNORECASE,
