@@ -289,30 +289,21 @@ def _slope(path: FloatArray, time: FloatArray) -> float:
 
 
 def with_stated_signs(
-    channels: Mapping[str, FloatArray], time: FloatArray, signs: Mapping[str, int]
+    channels: dict[str, FloatArray], signs: Mapping[str, int]
 ) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
     """Return the channels with extension and tension positive, and a remark if a channel was reversed.
 
-    A sign that is not stated follows from the other sign, because the damper dissipates energy. The channels
-    are unchanged if the stated signs contradict this.
+    A missing sign follows from the other sign because the damper dissipates energy. The channels are
+    unchanged if the stated signs contradict this.
     """
     motion, force = channels.get("displacement"), channels.get("force")
-    if (
-        motion is None
-        or force is None
-        or -1 not in signs.values()
-        or len({len(motion), len(force), len(time)}) > 1
-    ):
-        return dict(channels), ()
-    power = float(np.nansum(force[1:] * np.diff(motion)))
-    own = {role: signs.get(role, 0) for role in ("displacement", "force")}
-    known = own["displacement"] or own["force"]
-    own = {role: sign or known * (1 if power > 0.0 else -1) for role, sign in own.items()}
-    if own["displacement"] * own["force"] * power <= 0.0:
-        return dict(channels), ()
-    turned = [role for role, sign in own.items() if sign < 0]
-    also = {"displacement": ("displacement", "velocity"), "force": ("force",)}
-    names = [name for role in turned for name in also[role]]
-    return {name: -values if name in names else values for name, values in channels.items()}, (
-        f"reversed because compression is stated as positive: {', '.join(turned)}",
-    )
+    if motion is None or force is None or len(motion) != len(force) or -1 not in signs.values():
+        return channels, ()
+    power = 1 if np.nansum(force[1:] * np.diff(motion)) > 0.0 else -1
+    of_motion = signs.get("displacement") or power * signs.get("force", 0)
+    of_force = signs.get("force") or power * of_motion
+    if power * of_motion * of_force < 0:
+        return channels, ()
+    names = ("displacement", "velocity") * (of_motion < 0) + ("force",) * (of_force < 0)
+    remark = f"{' and '.join(sorted({*names} - {'velocity'}))} reversed: compression is stated as positive"
+    return {name: -values if name in names else values for name, values in channels.items()}, (remark,)

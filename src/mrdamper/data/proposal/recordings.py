@@ -191,7 +191,7 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Plac
     columns = find_columns(table, chosen, place)
     channels, time, one = _channels(table, columns, chosen, place)
     reversed_by_map = any(channel.sign < 0 for channel in chosen.channels.values())
-    channels, remarks = with_stated_signs(channels, time, {} if reversed_by_map else signs_in(table.said))
+    channels, remarks = with_stated_signs(channels, {} if reversed_by_map else signs_in(table.said))
     role = command_role(columns, chosen, place)
     measured = channels.pop(role) if role in channels else None
     for other in COMMAND_UNITS:
