@@ -33,6 +33,7 @@ class ReadingSettings:
     note_length_max: int = 300
     document_max_bytes: int = 1 << 17
     document_lines_max: int = 2000
+    document_line_length_max: int = 4096
 
     # Time
     continuation_max_steps: float = 1.5  # A piece after a longer pause is a separate recording.

@@ -21,7 +21,7 @@ from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Table
 from mrdamper.data.formats.text import is_text
 from mrdamper.data.formats.timestamps import date_in, start_in
-from mrdamper.data.proposal.folders import is_small_file, own_name
+from mrdamper.data.proposal.folders import GENERIC_SUFFIXES, is_small_file, own_name
 from mrdamper.data.proposal.notation import NOTATIONS, SCRIPTS, entries_of
 from mrdamper.data.tables import decoding
 from mrdamper.data.words.headers import strip_channel
@@ -167,7 +167,7 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
             file
             for file in texts
             if path.parent in file.parents and file != path and file.suffix in suffixes
-            if file in sampled or not texts[file]
+            if file in sampled or not texts[file] or file.suffix.lower() in GENERIC_SUFFIXES
         ]
         is_run = (path in sampled and path.suffix in suffixes) or (
             path in files and path.suffix.lower() not in NOTATIONS

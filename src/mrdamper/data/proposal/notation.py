@@ -14,6 +14,7 @@ from typing import TypeAlias
 from xml.etree import ElementTree
 
 from mrdamper.data.formats.lines.cells import is_number
+from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.words.headers import word_and_unit
 from mrdamper.quantities import is_any_unit, roles_of_unit
 
@@ -81,7 +82,8 @@ def _tree_of_lines(text: str, suffix: str) -> tuple[list[str], Node]:
     tree: Node = {}
     levels: list[tuple[float, Node]] = [(-1.0, tree)]  # The open mappings with their indentations.
     begun = ""  # The beginning of an entry with open brackets.
-    for line in text.expandtabs(4).splitlines():
+    for whole_line in text.expandtabs(4).splitlines()[: SETTINGS.document_lines_max]:
+        line = whole_line[: SETTINGS.document_line_length_max]
         found = comment.match(line)
         body, remark = (found[1], found[2].strip()) if found else (line, "")
         body = begun + body.rstrip(" ;,." if suffix in SCRIPTS else " ;,")
