@@ -17,6 +17,7 @@ import zipfile
 import zlib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path, PurePosixPath
 from types import MappingProxyType
 from typing import IO, Any
@@ -84,13 +85,18 @@ def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Pat
             files.setdefault(file.resolve(), file)
     if space is None:
         return list(files.values())
-    found = []
+    found: list[Path] = []
+    folders: dict[Path, None] = {}  # Folders in which an archive was found.
     for file in files.values():
         members = _unpack(file, space)
         found += members
-        for document in file.parent.iterdir() if members != [file] and file not in map(Path, paths) else ():
-            if not _is_archive(document) and is_small_file(document):
-                shutil.copy(document, space.joinpath(*file.absolute().parts[-3:-1]))
+        if members != [file] and file not in map(Path, paths):
+            folders[file.parent] = None
+    for document in (each for folder in folders for each in folder.iterdir()):
+        copy = space.joinpath(*document.absolute().parts[-3:])
+        if is_small_file(document) and not _is_archive(document) and not copy.exists():
+            with suppress(OSError):  # An unreadable document states nothing.
+                shutil.copy(document, copy)
     return found
 
 
