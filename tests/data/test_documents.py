@@ -65,6 +65,29 @@ def workbook(folder: Path) -> None:
     book.save(folder / "plan.xlsx")
 
 
+def open_document(folder: Path) -> None:
+    """Write a sheet as spreadsheets do: an empty last cell, and repeated empty columns to the right."""
+    name = "urn:oasis:names:tc:opendocument:xmlns"
+    bare(folder)
+    cells: list[list[object]] = [
+        ["Laboratory"],
+        [],
+        ["Test", "Current (A)", "Oil (°C)", "Remark"],
+        *([n, i, 30] for n, i in zip(NAMES, CURRENTS, strict=True)),
+    ]
+    rows = "".join(
+        "<t:table-row>"
+        + "".join(f"<t:table-cell><x:p>{cell}</x:p></t:table-cell>" for cell in row)
+        + '<t:table-cell t:number-columns-repeated="1020"/></t:table-row>'
+        for row in cells
+    )
+    text = (
+        f'<o:d xmlns:o="{name}:office:1.0" xmlns:t="{name}:table:1.0" xmlns:x="{name}:text:1.0">{rows}</o:d>'
+    )
+    with zipfile.ZipFile(folder / "plan.ods", "w") as file:
+        file.writestr("content.xml", text)
+
+
 def protocols(folder: Path) -> None:
     for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
         write(folder, f"měření {k}/záznam.csv", BARE + table(*columns(run)[:3]))
@@ -164,8 +187,12 @@ DOCUMENTS: dict[str, Writer] = {
         head="",
     ),
     "workbook_with_a_column_for_each_run": workbook,
+    "open_document": open_document,
     "protocol_in_each_folder": protocols,
     "document_next_to_an_archive": archived,
+    "sentences_about_a_supplied_coil": about(
+        "verbale.txt", each("%(n)s  bobina alimentata, corrente %(i)s A; temperatura olio 30 °C\n"), head=BARE
+    ),
     "blanks_between_cells": about(
         "protokol.txt",
         "Protokol\n\nsoubor    proud (A)   teplota (°C)\n" + each("%(n)s    %(i)s    30\n"),

@@ -14,6 +14,7 @@ from datetime import date, datetime, time, timedelta
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 from mrdamper.data.formats.lines.encodings import TextInMemory
 from mrdamper.data.formats.lines.header import find_data, find_decimal, holds_samples
@@ -24,6 +25,8 @@ from mrdamper.errors import InputError
 
 ZIP_SIGNATURE = b"PK\x03\x04"  # A workbook is a zip archive.
 _PIECE_BYTES = 1 << 20
+_TABLE = "{urn:oasis:names:tc:opendocument:xmlns:table:1.0}"
+_OFFICE = "{urn:oasis:names:tc:opendocument:xmlns:office:1.0}"
 _CELL = re.compile(rb"\br\s*=\s*[\"']([A-Za-z]{1,9})(\d{1,12})[\"']")
 
 Row = list[Any]
@@ -65,10 +68,29 @@ def _cells(lines: Sequence[str]) -> set[str]:
 
 
 def sheet_lines(path: Path) -> list[str]:
-    """Return the rows of all sheets, cells separated by tabs."""
+    """Return the rows of all sheets, cells separated by tabs. The sheets may be an OpenDocument file."""
+    if path.suffix.lower() == ".ods":
+        return _open_document_lines(path)
     book = _open(path)
     sheets = [book.get_sheet_by_name(name).iter_rows() for name in book.sheet_names]
     return ["\t".join(map(_spelled, row)) for rows in sheets for row in rows]
+
+
+def _open_document_lines(path: Path) -> list[str]:
+    with zipfile.ZipFile(path) as archive:
+        is_large = archive.getinfo("content.xml").file_size > SETTINGS.whole_file_max_bytes
+        text = b"<!DOCTYPE" if is_large else archive.read("content.xml")
+    if b"<!DOCTYPE" in text:
+        raise InputError(place=path, found="is no sheet", remedy="Save it as .xlsx or CSV")
+    rows: list[list[str]] = []
+    for row in ElementTree.fromstring(text).iter(f"{_TABLE}table-row"):
+        cells: list[str] = []
+        for cell in row:
+            count = min(int(cell.get(f"{_TABLE}number-columns-repeated", "1")), SETTINGS.table_columns_max)
+            cells += [cell.get(f"{_OFFICE}value") or " ".join("".join(cell.itertext()).split())] * count
+        rows.append("\t".join(cells).rstrip("\t").split("\t"))
+    width = max(map(len, rows), default=0)
+    return ["\t".join([*row, *[""] * (width - len(row))]) for row in rows]
 
 
 def _open(path: Path) -> Any:  # noqa: ANN401 - python-calamine has no types

@@ -46,7 +46,9 @@ _NOT_SET = re.compile(
     r"|sensitiv|heater|heiz|\bpump|\bmotor|bridge|br[üu]cke",
     re.IGNORECASE,
 )
-_SUPPLY = re.compile(r"supply|\bpsu\b|netzteil|aliment|zasilacz|zdroj|fuente|电源", re.IGNORECASE)
+_SUPPLY = re.compile(
+    r"supply|\bpsu\b|netzteil|alimentat(?:ion|ore)|zasilacz|zdroj|fuente|电源", re.IGNORECASE
+)
 _SET = re.compile(
     rf"\bset\b|curr|strom|(?:coil|magnet|damper|spul|bobin).*[:=]\s*[+-]?{_NUMBER}\s?m?A\s*(?:\(.*\))?$",
     re.IGNORECASE,
