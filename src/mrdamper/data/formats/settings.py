@@ -33,6 +33,7 @@ class ReadingSettings:
     note_length_max: int = 300
     document_max_bytes: int = 1 << 17
     document_lines_max: int = 2000
+    run_list_lines_max: int = 200  # A longer table of numbers is a run, not a list of runs.
     document_line_length_max: int = 4096
 
     # Time

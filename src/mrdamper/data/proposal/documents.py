@@ -87,10 +87,13 @@ class _Files:
 
     def __init__(self, files: Sequence[Path], root: Path) -> None:
         owners: dict[str, dict[Path, list[Path]]] = {}
+        above = {
+            parent: {each.name: each for each in (parent, *parent.parents) if root in each.parents}
+            for parent in {path.parent for path in files}
+        }
         for path in files:
             names = dict.fromkeys((path.stem, path.name, strip_channel(path.stem)), path.parent)
-            names |= {folder.name: folder for folder in path.parents if root in folder.parents}
-            for name, owner in names.items():
+            for name, owner in {**names, **above[path.parent]}.items():
                 owners.setdefault(name.lower(), {}).setdefault(owner, []).append(path)
         owners.pop("", None)
         # Equal names in different folders are ambiguous.
@@ -255,6 +258,12 @@ def _lines_by_file(
     path: Path, lines: Sequence[str], files: Sequence[Path], *, is_run: bool
 ) -> dict[Path, list[str]]:
     """Return the lines of a document about each file. A table is used if most of its rows name files."""
+    if is_run and len(lines) > SETTINGS.run_list_lines_max:
+        worded = [line for line in lines if re.search(r"[^\W\d_]{2}", line)]
+        if 2 * len(worded) < len(lines) and not any(
+            _NUMBER_WORDS.search(line.lstrip("# ")) for line in worded
+        ):
+            return {}  # A long table of numbers is not a list of runs.
     known = _Files(files, path.parent)
     text = "\n".join(lines).lower()
     names_a_file = bool(known.numbers) or any(name in text for name in known.names)
