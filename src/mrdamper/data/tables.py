@@ -38,7 +38,7 @@ FORMATS: tuple[Format, ...] = (
     Format("TDMS", (".tdms",), re.compile(rb"TDSm").match, read_tdms),
     Format("MDF", (".mf4", ".mdf"), re.compile(rb"MDF     |UnFinMF ").match, read_mdf),
     Format("NumPy archive", (".npz",), re.compile(rb"(?s)PK\x03\x04.*\.npy").match, read_npz),
-    Format("Excel", (".xlsx", ".xlsm"), re.compile(ZIP_SIGNATURE).match, read_workbook),
+    Format("Excel", (".xlsx", ".xlsm", ".ods"), re.compile(ZIP_SIGNATURE).match, read_workbook),
     Format("LabVIEW text", (".lvm",), _LABVIEW.match, read_lvm),
     Format("universal", (".unv", ".uff"), re.compile(rb"\s*-1\s*\r?\n\s*\d+").match, read_uff),
     Format("JSON", (".json", ".jsonl"), _JSON.match, read_json),

@@ -131,9 +131,7 @@ def _require_harmless(path: Path) -> None:
     with zipfile.ZipFile(path) as archive:
         members = archive.infolist()
         names = {member.filename for member in members}
-        if "content.xml" in names:
-            raise InputError(place=path, found="is an OpenDocument file: save its sheet as .xlsx or CSV")
-        if "xl/workbook.xml" not in names:
+        if names.isdisjoint({"xl/workbook.xml", "content.xml"}):
             raise NoTableError(
                 place=path, found="is a ZIP archive without a workbook", remedy="Unpack it first"
             )
@@ -141,8 +139,26 @@ def _require_harmless(path: Path) -> None:
             found = f"unpacks to more than {SETTINGS.workbook_unpacked_max_bytes >> 20} MB"
             raise InputError(place=path, found=found, remedy="Export it as CSV")
         for member in members:
+            if member.filename == "content.xml":
+                _require_few_repeats(path, archive.read(member))
             if member.filename.startswith("xl/worksheets/"):
                 _require_few_cells(path, archive, member)
+
+
+def _require_few_repeats(path: Path, content: bytes) -> None:
+    """Raise InputError if repeated rows and cells of an OpenDocument sheet need too much memory."""
+    cells = 0
+    for row in re.findall(rb"<table:table-row.*?</table:table-row>", content, re.DOTALL):
+        if b"office:value" in row:  # Empty rows at the end of a sheet are repeated up to a million times.
+            repeats = {
+                kind: sum(map(int, re.findall(kind + rb'-repeated="(\d{1,9})"', row)))
+                for kind in (b"rows", b"columns")
+            }
+            cells += max(repeats[b"rows"], 1) * (repeats[b"columns"] + row.count(b"<table:table-cell"))
+    if cells > SETTINGS.sheet_cells_max:
+        raise InputError(
+            place=path, found=f"spans {cells} cells", expected=f"at most {SETTINGS.sheet_cells_max}"
+        )
 
 
 def _require_few_cells(path: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -177,6 +178,31 @@ def recordings_in(paths: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
         if alike:
             return tuple("/".join(group) for group in alike)
     return ()
+
+
+def with_values_of_runs(arrays: Sequence[StoredArray]) -> list[StoredArray]:
+    """Return arrays with the values of their run as settings, from arrays with one value for each run.
+
+    The runs are groups with numbers in their names, such as the matrices ``run1`` to ``run4`` next to
+    ``current_A = [0 0.5 1 1.5]``. The values have the order of these numbers.
+    """
+    runs = recordings_in([each.path for each in arrays if each.size > 1 and not each.is_clock])
+    numbers = {run: int(digits[-1]) for run in runs if (digits := re.findall(r"\d{1,9}", run))}
+    order = sorted(numbers, key=numbers.__getitem__)
+    lists = [
+        each
+        for each in arrays
+        if each.size == len(runs) > 1 and not any(is_in_part(each.path, run) for run in runs)
+    ]
+    if not lists or len({*numbers.values()}) < len(runs):
+        return [*arrays]
+    values = {each.name: each.read().tolist() for each in lists}
+    settings = {run: {name: row[k] for name, row in values.items()} for k, run in enumerate(order)}
+    own = [next((run for run in runs if is_in_part(each.path, run)), "") for each in arrays]
+    return [
+        replace(each, settings={**settings[run], **each.settings}) if run else each
+        for each, run in zip(arrays, own, strict=True)
+    ]
 
 
 def is_in_part(path: Sequence[str], part: str) -> bool:

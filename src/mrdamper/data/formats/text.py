@@ -179,7 +179,7 @@ def _is_restated(line: str, own: Sequence[str]) -> bool:
 
 def _look(path: TextSource, options: FileOptions) -> _Found | Table:
     head = read_head(path)
-    turned = _transposed(path, head, options)
+    turned = _transposed(path, head, options) or _without_notes_beside(path, head, options)
     if turned is not None:
         return turned
     delimiter, first = find_data(head.lines, options.delimiter)
@@ -215,6 +215,33 @@ def _transposed(path: TextSource, head: Head, options: FileOptions) -> Table | N
     source = TextInMemory(f"{path}", "\n".join([*turned, ""]).encode())
     table = read_text(source, FileOptions(delimiter="\t", decimal=options.decimal))
     return replace(table, layout=replace(table.layout, notes=(*table.layout.notes, "a row for each channel")))
+
+
+def _without_notes_beside(path: TextSource, head: Head, options: FileOptions) -> Table | None:
+    """Return the table of a text if entries (label, value) are in columns next to the samples, else None.
+
+    The columns of the entries are in front of the samples, or behind an empty column. They are empty in the
+    second half of the first lines of the text.
+    """
+    delimiter = options.delimiter or max(
+        DELIMITERS[:-1], key=lambda sign: sum(sign in line for line in head.lines)
+    )
+    rows = [split_line(line, delimiter) for line in head.lines]
+    late = [k for row in rows[len(rows) // 2 :] for k, cell in enumerate(row) if cell]
+    first, last = min(late, default=0), max(late, default=0) + 1
+    entries = [cells for row in rows if len(cells := [cell for cell in row[:first] + row[last:] if cell]) > 1]
+    are_apart = not any(row[last : last + 1] not in ([], [""]) for row in rows)
+    if len(entries) < 2 or not are_apart or not all(cells[0][:1].isalpha() for cells in entries):
+        return None
+    lines = [
+        split_line(line, delimiter)[first:last] for line in _content(path).decode(head.encoding).splitlines()
+    ]
+    above = ["\t".join(cells) for cells in entries]
+    source = TextInMemory(f"{path}", "\n".join([*above, *map("\t".join, lines), ""]).encode())
+    table = read_text(source, FileOptions(delimiter="\t", decimal=options.decimal))
+    return replace(
+        table, layout=replace(table.layout, notes=(*table.layout.notes, "notes next to the samples"))
+    )
 
 
 def read_head(path: TextSource) -> Head:

@@ -20,15 +20,43 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.table import Moment, Texts
 
-_DATE = r"[0-9]{1,4}[-./](?:[0-9]{1,2}|[A-Za-z]{3})[-./][0-9]{1,4}"
-_CLOCK = (
-    r"([0-9]{1,2}):([0-9]{2}):([0-9]{2})(?:(?:[.,]|:(?=[0-9]{3}\b))([0-9]{1,9}))? *([AaPp][Mm])?"
-    r" *(Z|UTC|GMT)?(?:([+-])([0-9]{1,2})(?::?([0-9]{2}))?)?"
+# First letters of the names of the months in English, German, French, Spanish, Portuguese, Italian, Dutch,
+# Polish, Czech, Hungarian, Turkish and Russian.
+_MONTHS = {
+    begin: number
+    for number, names in enumerate(
+        (
+            *("jan gen ene sty led oca янв", "feb fév fev lut úno şub фев", "mar mär mrz maa bře már мар"),
+            *(
+                "apr avr abr kwi dub ápr nis апр",
+                "may mai mei mag maj kvě máj мая май",
+                "jun juin giu cze jún haz июн",
+            ),
+            *("jul juil lug lip júl tem июл", "aug aoû ago sie srp ağu авг", "sep set wrz zář sze eyl сен"),
+            *("oct okt ott out paź říj eki окт", "nov lis kas ноя", "dec dez dic déc gru pro ara дек"),
+        ),
+        1,
+    )
+    for begin in names.split()
+}
+_MONTH = rf"(?:{'|'.join(_MONTHS)})[^\W\d_]*\.?"
+_DATE = (
+    r"(?:[0-9]{1,4}[-./][0-9]{1,2}[-./][0-9]{1,4}\.?|[0-9]{4}\. [0-9]{1,2}\. [0-9]{1,2}\.?"
+    r"|[0-9]{4}[年년] ?[0-9]{1,2}[月월] ?[0-9]{1,2}[日일]"
+    rf"|[0-9]{{1,4}}[-./ ]{{1,2}}(?:de )?{_MONTH}[-./, ]{{1,2}}(?:de )?[0-9]{{1,4}}"
+    rf"|{_MONTH} [0-9]{{1,2}},? [0-9]{{4}})"
 )
-_TIME = re.compile(rf"^(?:({_DATE})[T ,] *)?{_CLOCK}$")
-_DATE_INSIDE = re.compile(rf"(?<![0-9.]){_DATE}(?![0-9.]*[0-9])|(?<![0-9])20[0-9]{{6}}(?![0-9])")
+_CLOCK = (
+    r"([0-9]{1,2})[:h时時시] ?([0-9]{2})[:m分분] ?([0-9]{2})(?:(?:[.,]|:(?=[0-9]{3}\b))([0-9]{1,9}))?[秒초]?"
+    r" *([AaPp][Mm])? *(Z|UTC|GMT)?(?:([+-])([0-9]{1,2})(?::?([0-9]{2}))?)?"
+)
+_TIME = re.compile(rf"^(?:({_DATE})(?:[T ,:] *|(?<=[日일])))?{_CLOCK}$", re.IGNORECASE)
+_DATE_INSIDE = re.compile(
+    rf"(?<![0-9.]){_DATE}(?![0-9.]*[0-9])|(?<![0-9])20[0-9]{{6}}(?![0-9])", re.IGNORECASE
+)
 _CLOCK_INSIDE = re.compile(rf"(?<![0-9:]){_CLOCK}(?![0-9:])")
-_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_HALF = re.compile(r" *(?:([ap])\. ?m\.|(上午|午前|오전)|(下午|午後|오후)) *", re.IGNORECASE)
+_DOTTED = re.compile(r"(?<=[0-9.] )([0-9]{1,2})\.([0-9]{2})\.([0-9]{2})(?![0-9])")
 DAY_S = 86400.0
 _NO_DAY = (math.nan, math.nan)
 # Words above a table. They mark the start of a record, a date of the record, or the date of another event.
@@ -41,7 +69,23 @@ _OTHER = re.compile(
 
 def is_time(cell: str) -> bool:
     """Return True if a cell is a time of day, or a date with a time of day."""
-    return _TIME.match(cell) is not None
+    return _groups_of(cell) is not None
+
+
+def _groups_of(cell: str) -> tuple[str | None, ...] | None:
+    """Return the parts of a time of day with or without a date, None for any other cell.
+
+    The clock may have points after a date (``4.3.2021 10.22.57``), and a half of the day in other words.
+    """
+    match = _TIME.match(cell)
+    if match is None and sum(map(str.isdecimal, cell)) > 5:
+        half = _HALF.search(cell)
+        if half is not None:
+            cell = (
+                f"{cell[: half.start()]} {cell[half.end() :]} {half[1] or ('A' if half[2] else 'P')}M".strip()
+            )
+        match = _TIME.match(_DOTTED.sub(r"\1:\2:\3", cell))
+    return None if match is None else match.groups()
 
 
 def days_of(text: str | None) -> tuple[float, float]:
@@ -51,17 +95,17 @@ def days_of(text: str | None) -> tuple[float, float]:
     """
     if not text or _DATE_INSIDE.fullmatch(text) is None:
         return _NO_DAY
-    parts = re.split(r"[-./]", re.sub(r"^(\d{4})(\d\d)(\d\d)$", r"\1-\2-\3", text))
-    month = parts[1][:3].lower()
-    first, second, third = ((part if part.isdecimal() else "0") for part in parts)
-    if month in _MONTHS:
-        second = f"{_MONTHS.index(month) + 1}"
+    text = re.sub(r"^(\d{4})(\d\d)(\d\d)$", r"\1-\2-\3", text)
+    numbers = re.findall(r"[0-9]+", text)
+    name = re.search(_MONTH, text, re.IGNORECASE)
+    if name is not None:
+        begins = (begin for begin in _MONTHS if name[0].lower().startswith(begin))
+        numbers.insert(1, f"{_MONTHS[max(begins, key=len)]}")
+    first, second, third = numbers
     if len(first) == 4:
         orders = [(first, second, third)]
     else:
-        orders = [(third, second, first), (third, first, second)][
-            : 1 if "." in text or month in _MONTHS else 2
-        ]
+        orders = [(third, second, first), (third, first, second)][: 1 if "." in text or name else 2]
     valid = [day for order in orders if not math.isnan(day := _day(*map(int, order)))]
     return (valid[0], valid[-1]) if valid and len(orders[0][0]) == 4 else _NO_DAY
 
@@ -184,7 +228,7 @@ def _parts(cells: Texts) -> tuple[Texts, list[bool], list[FloatArray]]:
     The parts are hours, minutes, seconds, fractions, 12-hour flag, pm flag, and offset from UTC [s].
     """
     nothing = (None,) * 10
-    found = [match.groups() if cell and (match := _TIME.match(cell)) else nothing for cell in cells]
+    found = [(_groups_of(cell) if cell else None) or nothing for cell in cells]
     read = np.array(
         [
             (*(math.nan if each is None else float(each) for each in (h, m, s)), float(f"0.{rest or 0}"),

@@ -26,6 +26,7 @@ from mrdamper.data.formats.groups import (
     is_in_part,
     skipped_note,
     table_of_arrays,
+    with_values_of_runs,
 )
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import FileOptions, Layout, Table, as_column, as_text
@@ -44,6 +45,7 @@ def table_of_variables(
     """
     found = _Variables(variables)
     layout = Layout(kind, part=options.part, notes=skipped_note([*skipped, *found.objects]))
+    found.arrays = with_values_of_runs(found.arrays)
     arrays = [each for each in found.arrays if not each.is_setting]
     table = table_of_arrays(arrays, path, layout, found.texts)
     said = {"/".join(path): text for path, text in found.texts.items() if is_in_part(path, table.title)}

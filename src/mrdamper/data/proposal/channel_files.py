@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,18 +13,32 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.formats.clocks import with_times
-from mrdamper.data.formats.table import Table
+from mrdamper.data.formats.table import Table, distinct_names
 from mrdamper.data.proposal.clocks import sampling_step
-from mrdamper.data.proposal.column import header_of
+from mrdamper.data.proposal.column import explained, header_of
 from mrdamper.data.proposal.documents import Document
 from mrdamper.data.proposal.questions import Answer, with_answers
 from mrdamper.data.proposal.recordings import RigFile, runs_in
+from mrdamper.data.proposal.roles import scaled_column
+from mrdamper.data.proposal.side_by_side import is_counter
 from mrdamper.data.tables import read_tables
 from mrdamper.data.words.headers import strip_channel
 from mrdamper.errors import InputError
-from mrdamper.quantities import to_si
+from mrdamper.quantities import QUANTITIES, to_si
 
 _NEEDED = frozenset({"displacement", "force"})
+_TOKEN = re.compile(r"\d+|[^\W\d_]+")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _ChannelFile:
+    """A file with one channel."""
+
+    path: Path
+    role: str
+    column: str
+    table: Table
+    times: FloatArray  # [s]
 
 
 def join_channel_files(
@@ -31,63 +46,104 @@ def join_channel_files(
 ) -> tuple[list[tuple[Path, RigFile]], set[Path]]:
     """Return the runs that are stored as one file per channel, and the files of these runs.
 
-    The names of a run's files are equal except for the channel word, or a folder has only the files of one
-    run.
+    The names of a run's files are equal except for the name of the channel, or a folder has only the files of
+    one run.
     """
-    groups: dict[tuple[Path, str], dict[str, tuple[Path, Table, str, FloatArray]]] = {}
+    folders: dict[Path, list[_ChannelFile]] = {}
     for path in files:
         with suppress(InputError, ValueError, IndexError):
             (table,) = read_tables(path, chosen.file)
-            role, name, times = _channel_of(table, chosen, path)
-            for key in ((path.parent, strip_channel(path.stem)), (path.parent, "")):
-                group = groups.setdefault(key, {})
-                again = "" if group.get(role, (path,))[0] == path else " again"
-                group[f"{role}{again}"] = (path, table, name, times)
+            notes = [line for each in documents if each.path.parent in path.parents for line in each.whole]
+            channel = _channel_of(explained(table, notes), chosen, path)
+            folders.setdefault(path.parent, []).append(channel)
     joined: list[tuple[Path, RigFile]] = []
     members: set[Path] = set()
-    for (folder, rest), group in groups.items():
-        is_new = not members & {path for path, *_ in group.values()}
-        if group.keys() >= _NEEDED and is_new and not any(role.endswith("again") for role in group):
+    for folder, channels in folders.items():
+        for rest, group in _runs_of(channels).items():
             name = rest or folder.name
             place = folder / name
-            table = _join_channels([(table, column, times) for _, table, column, times in group.values()])
-            own = {path for path, *_ in group.values()}
+            own = [channel.path for channel in group]
             stated = {each: None for document in documents for path in own for each in document.places(path)}
             with suppress(InputError):
                 chosen_now = with_answers(chosen, answers, place)
-                joined.append((place, runs_in((table,), chosen_now, place, name=name, stated=[*stated])))
-                members |= own
+                run = runs_in((_join_channels(group),), chosen_now, place, name=name, stated=[*stated])
+                joined.append((place, run))
+                members |= {*own}
     return joined, members
 
 
-def _channel_of(table: Table, chosen: ChannelMap, path: Path) -> tuple[str, str, FloatArray]:
-    """Return role, name and times [s] of the only channel of a table.
+def _runs_of(channels: Sequence[_ChannelFile]) -> dict[str, list[_ChannelFile]]:
+    """Return the files of each run in a folder by the common part of their names.
+
+    The part of the names is chosen that assigns most files to runs. It is the name without channel words, the
+    beginning or the end of the name, or "" for all files. The other part is then equal in all runs.
+    """
+    stems = [channel.path.stem for channel in channels]
+    ways = [[(strip_channel(stem), "") for stem in stems]]
+    for k in range(1, max((len(_TOKEN.findall(stem)) for stem in stems), default=0)):
+        for at in (k, -k):
+            ways.append([_split_at(stem, at) for stem in stems])
+    ways.append([("", "")] * len(stems))
+    best: dict[str, list[_ChannelFile]] = {}
+    for way in ways:
+        groups: dict[str, list[_ChannelFile]] = {}
+        words: dict[str, set[str]] = {}
+        for channel, (run, word) in zip(channels, way, strict=True):
+            groups.setdefault(run, []).append(channel)
+            words.setdefault(channel.role, set()).add(word)
+        is_named = any(word for _, word in way)
+        if is_named and (len(groups) < 2 or any(len(each) > 1 for each in words.values())):
+            continue
+        runs = {}
+        for run, group in groups.items():
+            roles = [channel.role for channel in group]
+            if {*roles} >= _NEEDED and len({*roles}) == len(roles):
+                runs[run] = group
+        if sum(map(len, runs.values())) > sum(map(len, best.values())):
+            best = runs
+    return best
+
+
+def _split_at(stem: str, at: int) -> tuple[str, str]:
+    """Return the names of run and channel in a file name, divided at a token (negative: from the end)."""
+    starts = [match.start() for match in _TOKEN.finditer(stem)]
+    if abs(at) >= len(starts):
+        return stem, ""
+    parts = stem[: starts[at]].rstrip("_-. "), stem[starts[at] :].rstrip("_-. ")
+    return parts if at > 0 else parts[::-1]
+
+
+def _channel_of(table: Table, chosen: ChannelMap, path: Path) -> _ChannelFile:
+    """Return the only channel of a table. Columns of times and of sample numbers are no channels.
 
     Raise ValueError if there is not exactly one channel, IndexError if its role is unknown, InputError if it
     has no times.
     """
     headers = [header_of(table, name, path.name) for name in table.columns]
     times = [each for each in headers if "time" in each.of_unit]
-    (channel,) = [each for each in headers if each not in times] if len(headers) <= 2 else []
+    (channel,) = [each for each in headers if each not in times and not is_counter(table.columns[each.name])]
     if times:
         own = to_si(table.columns[times[0].name], times[0].unit, "time")
     else:
         own = np.arange(table.rows, dtype=np.float64) * sampling_step(table, chosen, path.name)
-    return channel.of_unit[0], channel.name, own
+    scaled = [role for role in QUANTITIES if scaled_column(role, table, headers) is not None]
+    return _ChannelFile(path, (scaled or channel.of_unit)[0], channel.name, table, own)
 
 
-def _join_channels(parts: Sequence[tuple[Table, str, FloatArray]]) -> Table:
+def _join_channels(parts: Sequence[_ChannelFile]) -> Table:
     """Return one table of the channels; each channel keeps its time column."""
-    first = parts[0][0]
-    columns = {name: table.columns[name] for table, name, _ in parts}
+    first = parts[0].table
+    names = distinct_names([part.column for part in parts])
+    columns = {name: part.table.columns[part.column] for name, part in zip(names, parts, strict=True)}
+    units = {name: part.table.units.get(part.column, "") for name, part in zip(names, parts, strict=True)}
     whole = replace(
         first,
         names=(*columns,),
         columns=columns,
-        units={name: table.units[name] for table, name, _ in parts if name in table.units},
-        said=tuple(dict.fromkeys(line for table, *_ in parts for line in table.said)),
+        units={name: unit for name, unit in units.items() if unit},
+        said=tuple(dict.fromkeys(line for part in parts for line in part.table.said)),
         step_s=None,
         rows=max(map(len, columns.values())),
         layout=replace(first.layout, notes=(*first.layout.notes, f"{len(parts)} files of one channel each")),
     )
-    return with_times(whole, {name: times for _, name, times in parts})
+    return with_times(whole, {name: part.times for name, part in zip(names, parts, strict=True)})

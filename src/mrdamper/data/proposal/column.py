@@ -17,7 +17,7 @@ from mrdamper.data.words.headers import (
     speaks_of,
     word_and_unit,
 )
-from mrdamper.data.words.labels import rates_in
+from mrdamper.data.words.labels import rates_in, scales_in
 from mrdamper.data.words.signs import signs_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit, spell_unit
@@ -94,7 +94,7 @@ def headers_of(table: Table, place: str) -> list[Header]:
 
 
 def explained(table: Table, notes: Sequence[str]) -> Table:
-    """Add names and units of columns, and the sampling rate, from lines of a document to a table.
+    """Add names and units of columns, scales and the sampling rate from lines of a document to a table.
 
     Only missing names and units are added. Numbered entries name the columns if there is an entry for each.
     """
@@ -110,6 +110,8 @@ def explained(table: Table, notes: Sequence[str]) -> Table:
         own = [unit for _, word, unit in legend if _means_same(word, header)]
         if not header.unit and len({*own}) == 1 and header.of_word in {"", *roles_of_unit(own[0])}:
             units[header.name] = own[0]
+    is_raw = any("voltage" in each.of_unit for each in headers)
+    scales = tuple(line for line in notes if is_raw and scales_in(line))
     rates = () if rates_in(table.said) else tuple(line for line in notes if rates_in([line]))
     signs = () if signs_in(table.said) else tuple(line for line in notes if signs_in([line]))
     dates = tuple(line for line in notes if date_in([line]))
@@ -118,9 +120,8 @@ def explained(table: Table, notes: Sequence[str]) -> Table:
     if rates and table.step_s is None and not any(each.of_word == "time" for each in headers):
         remarks = (*remarks, f"sampling rate from a document: {rates[0].strip()!r}")
     layout = replace(table.layout, notes=(*table.layout.notes, *remarks))
-    return replace(
-        table, layout=layout, units={**table.units, **units}, said=(*table.said, *rates, *signs, *dates)
-    )
+    said = (*table.said, *rates, *scales, *signs, *dates)
+    return replace(table, layout=layout, units={**table.units, **units}, said=said)
 
 
 def _means_same(word: str, header: Header) -> bool:

@@ -23,7 +23,7 @@ from types import MappingProxyType
 from typing import IO, Any
 
 from mrdamper.data.formats.excel import ZIP_SIGNATURE
-from mrdamper.data.formats.lines.encodings import open_text_bytes
+from mrdamper.data.formats.lines.encodings import encoding_of, open_text_bytes
 from mrdamper.data.formats.lines.header import DELIMITERS, find_data, holds_samples
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.text import read_text
@@ -250,7 +250,8 @@ def _text(file: Path) -> str:
     """Return the beginning of a text."""
     try:
         with open_text_bytes(file) as stream:
-            return stream.read(HEAD_BYTES).decode("utf-8", "replace")
+            content = stream.read(HEAD_BYTES)
+            return content.decode(encoding_of(file, content[: content.rfind(b"\n") + 1]), "replace")
     except (OSError, InputError):  # An unreadable file is reported later.
         return ""
 

@@ -212,7 +212,7 @@ def _column_without_unit(
     """
     channel = chosen.channel(role)
     worded = [each for each in headers if each.of_word == role and role not in each.of_unit]
-    scaled = _scaled(role, table, headers)
+    scaled = scaled_column(role, table, headers)
     if scaled is not None and channel.gain is None and not channel.unit:
         return scaled
     if not worded and channel.gain is not None:
@@ -276,9 +276,12 @@ def skipped_columns(table: Table, columns: Sequence[Column], chosen: ChannelMap,
     ]
 
 
-def _scaled(role: str, table: Table, headers: Sequence[Header]) -> Column | None:
-    """Return the column of a role with a scale per volt or per cent in its header or the lines above."""
-    found: dict[str, tuple[str, float]] = {}
+def scaled_column(role: str, table: Table, headers: Sequence[Header]) -> Column | None:
+    """Return the column of a role with a scale per volt or per cent in its header or the lines above.
+
+    Return None unless there is exactly one such column and one scale.
+    """
+    found: set[tuple[str, str, float]] = set()
     volts = [each for each in headers if "voltage" in each.of_unit or not each.of_unit]
     for line in (*table.said, *(each.name for each in volts)):
         meant = [each for each in volts if _mentions(line, each)]
@@ -290,16 +293,16 @@ def _scaled(role: str, table: Table, headers: Sequence[Header]) -> Column | None
         for number, unit in ranges_in(line) if share else scales_in(line):
             if role in roles_of_unit(unit):
                 gain = number * float(to_si(1.0, unit, role))
-                found[meant[0].name] = ("%", gain / 100.0) if share else ("V", gain)
+                found.add((meant[0].name, *(("%", gain / 100.0) if share else ("V", gain))))
     if len(found) != 1:
         return None
-    name, (unit, gain) = next(iter(found.items()))
+    name, unit, gain = found.pop()
     return Column(role, name, unit, "scale in the file", gain)
 
 
 def _mentions(line: str, header: Header) -> bool:
     """Return True if a line contains the name of a column as a separate word."""
-    word = header.word.lower()
+    word = re.sub(r"\s*[\[(][^\])]*[\])]$", "", header.word.lower())
     at = line.lower().find(word) if word else -1
     after = line[at + len(word) : at + len(word) + 1]
     return at >= 0 and not after.isalnum()

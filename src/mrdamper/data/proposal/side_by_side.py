@@ -63,8 +63,9 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
     """Convert a table with one row per sample and channel to tables with one column per channel.
 
     In the given table, a column of texts names the channels (at least two roles), one column contains the
-    values, and another column contains the times. Rows that differ in the remaining columns, such as the run
-    number, become separate tables. Counters of rows are ignored.
+    values, and another column contains the times, which change within a channel. Rows that differ in a column
+    that is constant within each channel of a run, such as the run number, become separate tables. Counters of
+    rows, and numbers of single channels, are ignored.
     """
     kinds = {name: dict.fromkeys(cells) for name, cells in table.texts.items() if all(cells)}
     named = [
@@ -74,23 +75,32 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
         and len({role for role in QUANTITIES if any(_means(name or "", role) for name in kind)}) > 1
     ]
     of_time = {name for name in table.columns if "time" in roles_of_unit(word_and_unit(name)[1])}
-    times = [name for name in table.columns if _means(name, "time") or name in {*of_time, *table.stamps}]
+    varying = [
+        name
+        for name, values in table.columns.items()
+        if np.nanmin(values, initial=np.inf) < np.nanmax(values, initial=-np.inf)
+    ]
+    times = [name for name in varying if _means(name, "time") or name in {*of_time, *table.stamps}]
     if len(named) != 1 or len(times) != 1:
         return (table,)
-    values = [name for name in table.columns if name not in times and not _is_counter(table.columns[name])]
-    values = [name for name in values if _VALUE.fullmatch(name)] or values
+    channels = np.array(table.texts[named[0]])
+    numbers = [name for name in varying if name not in times and not is_counter(table.columns[name])]
+    values = [name for name in numbers if _VALUE.fullmatch(name.strip("_ "))] or numbers
     unit = word_and_unit(times[0])[1] or table.units.get(times[0], "")
     if len(values) != 1 or "time" not in roles_of_unit(unit):
         return (table,)
     units = next((cells for name, cells in table.texts.items() if "unit" in name.lower()), None)
-    numbers = [name for name in table.columns if name not in {*times, *values}]
-    numbers = [name for name in numbers if not _is_counter(table.columns[name])]
     words = [name for name in kinds if name not in named and table.texts[name] is not units]
-    keys = [[attribute_lines({name: f"{value:g}"})[0] for value in table.columns[name]] for name in numbers]
-    keys += [[f"{cell}" for cell in table.texts[name]] for name in words]
+    keys = [
+        [attribute_lines({name: f"{value:g}"})[0] for value in table.columns[name]]
+        for name in numbers
+        if name not in values
+    ]
+    keys += [[f"{cell}" for cell in table.texts[name]] for name in words if len(kinds[name]) > 1]
+    of_channel = [len({*zip(key, channels, strict=True)}) == len({*key}) for key in keys]
+    keys = [key for key, is_of_channel in zip(keys, of_channel, strict=True) if not is_of_channel]
     titles = np.array([" ".join(key) for key in zip(*keys, strict=True)] or [table.title] * table.rows)
     seconds = to_si(table.columns[times[0]], unit, "time")
-    channels = np.array(table.texts[named[0]])
     runs = []
     for title in dict.fromkeys(titles.tolist()):
         rows = {f"{name}": (channels == name) & (titles == title) for name in kinds[named[0]]}
@@ -100,7 +110,9 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
             name: (units or [""])[int(np.argmax(there)) if units else 0] or "" for name, there in rows.items()
         }
         size = max(map(len, columns.values()))
-        if size < SETTINGS.table_rows_min:
+        if size < SETTINGS.table_rows_min or any(
+            (np.diff(seconds[there]) < 0.0).any() for there in rows.values()
+        ):
             return (table,)
         plain = replace(
             table,
@@ -111,6 +123,7 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
             units=stated,
             rows=size,
             title=title,
+            start=table.stamps.get(times[0], table.start),
         )
         runs.append(with_times(plain, {name: seconds[there] for name, there in rows.items()}))
     return tuple(runs)
@@ -122,7 +135,7 @@ def _means(name: str, role: str) -> bool:
     return header[0] == role if header else speaks_of(name, role)
 
 
-def _is_counter(values: FloatArray) -> bool:
+def is_counter(values: FloatArray) -> bool:
     """Return True if a column counts the rows."""
     return len(values) > 1 and bool(np.all(np.diff(values) == 1.0))
 

@@ -32,6 +32,10 @@ _IN = re.compile(r"(.+?)\s+in\s+(\S+)", re.IGNORECASE)
 _NUMBERED_CHUNK = re.compile(r"[-*#\s]*(?:[A-Za-z]+ )?(\d{1,2}) (\D.*)")
 _VALUE = re.compile(r"\S\s*[:=]\s*[+-]?\d[\d.,]*\s*$")
 _REMARK = re.compile(r"\([^()]* [^()]*\)\s*$")  # "(tension positive)" is no unit.
+_ALL_CHANNELS = re.compile(
+    r"\b(all|channels|values|data|signals|columns|samples|readings|alle|werte|kanäle|signale|daten|valeurs|valor[ei]s?)\b",
+    re.IGNORECASE,
+)
 _NARROW = str.maketrans("（）［］／", "()[]/")
 
 Kind = Literal["set point", "sensor output", "statistic", "filtered", "ambient", "fluid", "damper"]
@@ -170,6 +174,16 @@ def is_command_share(name: str, unit: str) -> bool:
 def is_per_cent(text: str) -> bool:
     """Return True if a name ends with per cent, or a unit is per cent."""
     return _PER_CENT.search(text) is not None
+
+
+def are_all_per_cent(line: str) -> bool:
+    """Return True if a line states that all channels are in per cent, as in ``All values in % of range``."""
+    found = _PER_CENT.search(line)
+    before = line[: found.start()] if found else ""
+    return (
+        _ALL_CHANNELS.search(line) is not None
+        and re.search(r"(\b(in|as|en)|[:=])\s*$", before, re.I) is not None
+    )
 
 
 def _split_words(word: str) -> str:

@@ -42,8 +42,8 @@ _AFTER_UNIT = {
     for role, unit in _UNITS.items()
 }
 _NOT_SET = re.compile(
-    r"max|min\b|limit|range|rated|nominal|fuse|peak|full.?scale|100 ?%|bereich|grenz|capacity|excitation"
-    r"|sensitiv|heater|heiz|\bpump|\bmotor|bridge|br[üu]cke",
+    r"m[aá][xk]s?|min\b|l[ií]mit|range|rated|nominal|fuse|peak|full.?scale|100 ?%|bereich|grenz|capacity"
+    r"|excitation|sensitiv|heater|heiz|\bpump|\bmotor|bridge|br[üu]cke|макс|номинал|предел|диапазон|最大|额定|量程",
     re.IGNORECASE,
 )
 _SUPPLY = re.compile(
@@ -65,8 +65,8 @@ _VOLTS_PER = re.compile(rf"(?<![\d.,])({_NUMBER})\s*(m?V)\s*(?:/|per)\s*([^\W\d_
 _SCALE_OF_ONE = re.compile(
     rf"(?<![\d.,])1\s*V\s*(?:=|≙|->|:)\s*({_NUMBER})\s*([^\W\d_]{{1,3}}(?:/s)?)(?![\w/])"
 )
-_RANGE_WORDS = r"range|full.?scale|100 ?%|bereich|endwert|plage|rango|量程"
-_RANGE_OF = re.compile(rf"(?<![\w.,])({_NUMBER})\s*(m?A|m?V|k?N|[cm]?m|[cm]?m/s)(?![\w/])")
+_RANGE_WORDS = r"range|full.?scale|\bf\.?s\b|100 ?%|bereich|endwert|plage|rango|量程"
+_RANGE_OF = re.compile(rf"(?<![\w.,])({_NUMBER})\s*(m?A|m?V|k?N|[cm]?m|[cm]?m/s)(?![\w/])", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,10 +192,12 @@ def _may_say(place: Place, role: str) -> bool:
 
 
 _SAMPLING = re.compile(
-    r"sampl|(?<![^\W_])fs(?![^\W_])|\brate\b|messrate|abtast|acqui|échant|echant|muestr|campion|amostr|próbk|采样|サンプ|샘플",
+    r"sampl|(?<![^\W_])fs(?![^\W_])|\brate\b|messrate|abtast|acqui|échant|echant|muestr|campion|amostr|próbk|дискрет|опрос|采样|サンプ|샘플",
     re.IGNORECASE,
 )
-_RATE = re.compile(rf"({_NUMBER})\s*(k?)(?:Hz|S/s|Sa/s|samples/s|sps)\b|\(?(k?)Hz\)?\W+({_NUMBER})\b")
+_RATE = re.compile(
+    rf"({_NUMBER})\s*([kкK]?)(?:Hz|HZ|hz|Гц|S/s|Sa/s|samples/s|sps)\b|\(?([kкK]?)(?:Hz|HZ|hz|Гц)\)?\W+({_NUMBER})\b"
+)
 _INTERVAL = re.compile(
     r"(?:delta_?x|sampl\w*[ _]?(?:interval|period|time)|x_?incr\w*|increment|\bdt\b|\bdx\b"
     r"|abtast\w*(?:intervall|zeit))"

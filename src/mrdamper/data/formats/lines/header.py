@@ -6,7 +6,7 @@ import csv
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from mrdamper.data.formats.clocks import Sampling
 from mrdamper.data.formats.groups import attribute_lines
@@ -16,7 +16,7 @@ from mrdamper.data.formats.lines.properties import find_properties, property_of
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import MISSING_MARKS
 from mrdamper.data.formats.timestamps import days_of, is_time
-from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
+from mrdamper.data.words.headers import are_all_per_cent, parse_header, speaks_of, word_and_unit
 from mrdamper.data.words.labels import labels_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, is_any_unit, roles_of_unit
@@ -25,6 +25,7 @@ _COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
 _SPARSE = re.compile(r"(events?|markers?|comments?|remarks?|notes?)", re.IGNORECASE)
 _LEAD = re.compile(r"^\s*[^\W\d]+(?:\s+[^\W\d]+)?\s*[:=]\s*")  # "columns: "
 _THOUSANDS = re.compile(r"[+-]?\d{1,3},\d{3}")
+_DECIMAL = re.compile(r"[+-]?\d+,(\d+)")
 _WHOLE = re.compile(r"[+-]?\d+")
 _SETTING = re.compile(
     r"\s*[-*]?\s*[\"']?([^\W\d][^:=]*?)[\"']?\s*[:=]\s*[\"']?"
@@ -58,7 +59,7 @@ def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
     for rank, delimiter in enumerate((wanted,) if wanted else DELIMITERS):
         long = _first_row(lines, delimiter, SETTINGS.table_rows_min)
         k = _first_row(lines, delimiter, 2) if long is None else long
-        if k is not None:
+        if k is not None and not (delimiter == "," and _are_decimals(lines, k)):
             fields = split_line(lines[k], delimiter)
             numbers, filled = count_numbers(fields), sum(map(bool, fields))
             found.append(((long is not None, numbers == filled, numbers, -rank), delimiter, k))
@@ -66,7 +67,31 @@ def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
         return max(found)[1:]
     count = SETTINGS.table_rows_min
     alone = [k for k in range(len(lines) - count + 1) if all(map(is_number, lines[k : k + count]))]
+    last = max((k + 1 for k, line in enumerate(lines) if not is_number(line.strip() or "0")), default=0)
+    if _describes_one_channel(lines[:last]) and len(lines) - last > 1:  # A channel with few samples.
+        alone = [*alone, last]
     return wanted or ("\t" if alone else ","), next(iter(alone), None)  # A text with one column.
+
+
+def _are_decimals(lines: Sequence[str], first: int) -> bool:
+    """Return True if a comma is the decimal sign in a text with one column, such as ``-0,05`` and ``1,20``.
+
+    The header has one name and one unit, or the numbers have zeros in front, unlike whole numbers.
+    """
+    filled = [line.strip() for line in lines[first:] if line.strip()]
+    cells = [match for line in filled if (match := _DECIMAL.fullmatch(line))]
+    has_zeros = len({len(cell[1]) for cell in cells}) == 1 and any(
+        cell[1][:-1].startswith("0") for cell in cells
+    )
+    is_decimal = has_zeros or any("-0," in cell[0] for cell in cells) or _describes_one_channel(lines[:first])
+    return len(cells) == len(filled) and is_decimal
+
+
+def _describes_one_channel(lines: Sequence[str]) -> bool:
+    """Return True if the lines above a table state one name and one unit as entries ``Unit: kN``."""
+    entries = [cells for line in lines if len(cells := re.split("[:=;\t]+", line.strip())) == 2]
+    values = {property_of(name): value.strip() for name, value in entries if value.strip()}
+    return {"name", "unit"} <= values.keys() and is_any_unit(values["unit"])
 
 
 def holds_samples(lines: Sequence[str], delimiter: str) -> bool:
@@ -113,6 +138,23 @@ def _is_word(cell: str) -> bool | None:
 
 def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     """Return the header above the row with index ``first``: the names of the columns, and the other lines.
+
+    A unit next to a name is the unit of the range if all channels are in per cent.
+    """
+    header = _read_header(lines, first, delimiter)
+    if not any(map(are_all_per_cent, header.said)):
+        return header
+    split = [word_and_unit(name) for name in header.names]
+    shares = [unit and "time" not in roles_of_unit(unit) for _, unit in split]
+    names = (
+        f"{word} [%]" if share else name
+        for name, (word, _), share in zip(header.names, split, shares, strict=True)
+    )
+    return replace(header, names=tuple(names), scales={})
+
+
+def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
+    """Return the header above a row.
 
     Units in a row below (or above) the names are added to the names: ``name [unit]``. Commands in a row above
     the names are added in front: ``0.5 A: name [unit]``. A command applies up to the next filled cell.
@@ -248,7 +290,10 @@ def statements(lines: Sequence[str], delimiter: str) -> tuple[str, ...]:
 
 
 def line_of(row: Sequence[str]) -> str:
-    """Return the cells of a row as a line. A name, a unit and a number are written as ``name: 0.5 A``."""
+    """Return the cells of a row as a line. A name, a unit and a number are written as ``name: 0.5 A``.
+
+    The unit may be a cell, or the end of the name: ``Current, A;0.5``.
+    """
     cells = [cell.strip() for cell in row if cell.strip()]
     numbers = [cell for cell in cells if is_number(cell)]
     words = [cell for cell in cells if cell not in numbers]
@@ -257,6 +302,9 @@ def line_of(row: Sequence[str]) -> str:
         (name,), unit = [word for word in words if word != units[0]], units[0].strip("[]()")
         if word_and_unit(f"{name}_{unit}")[1]:  # "Damper;A;3" is not a current.
             return f"{name}: {numbers[0]} {unit}"
+    if len(cells) == 2 and len(numbers) == 1 and cells[1] in numbers and "," in cells[0]:
+        name, unit = word_and_unit(cells[0])
+        return f"{name}: {numbers[0]} {unit}" if name and unit else " ".join(cells)
     return " ".join(cells)
 
 

@@ -2,10 +2,12 @@
 
 Four layouts are read: a row for each property (``Unit;mm;N;A``), a property with its values on the next line,
 a table with a row for each channel, and entries with the channel number (``ch2.unit = kN``, ``[Channel2]``).
+Names and units are also found without a label in a known language because units are the same everywhere.
 """
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,17 +15,28 @@ from itertools import zip_longest
 
 from mrdamper.data.formats.clocks import Sampling, stated_sampling
 from mrdamper.data.formats.lines.cells import number_in
-from mrdamper.data.words.headers import word_and_unit
+from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
+from mrdamper.quantities import QUANTITIES, is_any_unit, roles_of_unit
 
 _WORDS: Mapping[str, re.Pattern[str]] = {
     "name": re.compile(
-        r"(names?|labels?|titles?|signals?|traces?|waves?|descriptors?|descriptions?|variables?|parameters?|tags?"
-        r"|bezeichnung|kanalname|nom|nombre|voies?|quantity|messgröße)"
+        r"names?|labels?|titles?|signals?|traces?|waves?|descriptors?|descriptions?|variables?|parameters?|tags?"
+        r"|bezeichnung|kanalname|nome?|nombre|voies?|quantity|messgröße|channel|[kc]anale?|source|sinal|segnale"
+        r"|señal|nazwa|název|név|имя|наименование|канал|сигнал|名称|通道|信号|チャンネル"
     ),
-    "unit": re.compile(r"(units?|einheit(en)?|unité|unidad|vunits?)"),
-    "factor": re.compile(r"(factor|scale|scaling|gain|slope|multiplier|faktor|skalierung|steigung)"),
-    "offset": re.compile(r"(offset|nullpunkt|versatz|intercept)"),
+    "unit": re.compile(r"units?|v?einheit(en)?|unités?|unidad(es?)?|unità|jednostk[ai]|единиц[аы]|单位|単位"),
+    "factor": re.compile(
+        r"fa[ck]?t(or|eur)e?|scale|scaling|gain|slope|multiplier|skalierung|steigung|coeff?icient[ei]?|mnożnik"
+        r"|množitel|szorzó|множитель|коэффициент|масштаб|系数|係数|倍率"
+    ),
+    "offset": re.compile(
+        r"offset|nullpunkt|versatz|intercept|przesunięcie|смещение|сдвиг|偏移|零点|オフセット"
+    ),
 }
+# A different equation than code * factor + offset, such as "value = (code - offset) * factor"
+_OTHER_EQUATION = re.compile(
+    r"\(\s*[^\W\d]\w*\s*[-+−]\s*[^\W\d]\w*\s*\)\s*[*×·/]|[*×·]\s*[^\W\d]\w*\s*[-−]\s*[^\W\d]"
+)
 _OF_TIME = frozenset({"x", "h", "t", "horz", "horizontal", "time"})
 _NUMBERED = re.compile(r"\W*([^\W\d]*)[ _.#]*?(\d+)[\]\s_.:)]*(.*?)\W*")
 _CHANNEL = re.compile(r"(ch|chn|chan|channel|kanal|col|column|spalte|signal|sig|voie|canal)?", re.IGNORECASE)
@@ -51,6 +64,7 @@ def property_of(text: str) -> str:
             words
             and len(words) <= 3
             and words != ["full", "scale"]
+            and not (words[0] == "vertical" and name in {"factor", "offset"})  # the screen of an oscilloscope
             and not has_value
             and (form.fullmatch(words[-1]) or form.fullmatch(words[0]))
         ):
@@ -71,18 +85,32 @@ def find_properties(
     lines = [f"{row[0]} = {row[1]}" if len(row) == 2 else line for row, line in zip(rows, lines, strict=True)]
     leads = bool(first) and not first[0]  # The first cells of the rows are empty, below the labels.
     count = len(first) - leads
+    stated: dict[str, list[list[str]]] = {name: [] for name in (*_WORDS, "unknown")}
+    sources = (
+        _by_rows(rows),
+        _by_channels(rows),
+        _by_numbers(lines),
+        _by_axes(lines),
+        _by_units(rows, count),
+    )
+    for name, values in itertools.chain(*sources):
+        if name in stated and not (name == "name" and any(map(_is_number, values))):
+            stated[name].append([*values])
     found: dict[str, list[str]] = {}
-    for name, values in (*_by_rows(rows), *_by_channels(rows), *_by_numbers(lines), *_by_axes(lines)):
-        if name == "name" and any(number_in(value, ".") is not None for value in values):
-            continue
-        if name in {"name", "unit", "factor", "offset"} and len(values) in range(
-            max(count - 2, 1), count + 1
-        ):
-            found.setdefault(name, values)
-    names = found.get("name")
-    if names is None or len({*map(len, found.values())}) > 1:
+    for size in range(count, max(count - 3, 0), -1):
+        fitting = {name: [each for each in lists if len(each) == size] for name, lists in stated.items()}
+        found = {name: lists[0] for name, lists in fitting.items() if lists}
+        if "name" in found:  # A description may name the quantity if the name is only a number of a channel.
+            found["name"] = max(fitting["name"], key=lambda each: sum(map(_names_quantity, each)))
+            if len(found) > 1 or all(word_and_unit(name)[1] for name in found["name"]):
+                break
+    else:
         return None
-    if len(found) < 2 and not all(word_and_unit(name)[1] for name in names):
+    names = found["name"]
+    # Whole numbers may be counts. Numbers with an unknown label may then be their factors.
+    are_counts = all(cell.lstrip("+-").isdecimal() for cell in first)
+    is_unclear = are_counts and any(len(each) == len(names) for each in stated["unknown"])
+    if is_unclear if "factor" not in found else any(map(_OTHER_EQUATION.search, lines)):
         return None
     settings: dict[str, str] = {}
     for label, values in _settings(rows, lines):
@@ -107,6 +135,16 @@ def find_properties(
     if before and len(above) == count and all(_NUMBERED.fullmatch(cell) for cell in above[len(before) :]):
         before = [*above[: len(before)]]  # The row of channel numbers also names these columns.
     return Properties((*[""] * leads, *before, *spelled), scales, stated_sampling(settings))
+
+
+def _is_number(cell: str) -> bool:
+    return number_in(cell, "," if "," in cell else ".") is not None
+
+
+def _names_quantity(name: str) -> bool:
+    return parse_header(name) is not None or any(
+        speaks_of(word_and_unit(name)[0], role) for role in QUANTITIES
+    )
 
 
 def _numbers(found: Mapping[str, list[str]], name: str, otherwise: float) -> list[float]:
@@ -157,6 +195,46 @@ def _by_numbers(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
             found.setdefault(name, {})[number] = entry[2]
     for name, values in found.items():
         yield name, [values[number] for number in sorted(values)]
+
+
+def _by_units(rows: Sequence[Sequence[str]], count: int) -> Iterator[tuple[str, list[str]]]:
+    """Generate names and units that are found by the units alone, in rows or columns of ``count`` units.
+
+    Numbers with decimals and without a known label are "unknown".
+    A row has a label in front of its values. The nearest row of words names the channels.
+    """
+    labelled = [row for row in rows if len(row) == count + 1 and row[0] and not is_any_unit(row[0])]
+    tables = [[(property_of(row[0]), [*row[1:]]) for row in labelled]]
+    for k in range(len(rows) - count + 1 if count > 1 else 0):
+        listed, above = rows[k : k + count], rows[k - 1] if k else ()
+        if len({*map(len, listed)}) == 1 and not (len(above) == len(listed[0]) and _has_unit(above)):
+            labels = map(property_of, above) if len(above) == len(listed[0]) else [""] * len(listed[0])
+            tables.append(
+                [(label, [*column]) for label, column in zip(labels, zip(*listed, strict=True), strict=True)]
+            )
+    for table in tables:
+        of_units = [
+            k for k, (_, cells) in enumerate(table) if all(map(is_any_unit, cells)) and _has_unit(cells)
+        ]
+        for unit in of_units[:1]:
+            yield "unit", table[unit][1]
+            for k, (label, cells) in sorted(enumerate(table), key=lambda each: abs(each[0] - unit)):
+                if k not in of_units and all(map(_is_word, cells)) and len({*cells}) == len(cells):
+                    yield "name", cells
+                elif (
+                    not label
+                    and all(map(_is_number, cells))
+                    and any(re.search("[.,eE]", each) for each in cells)
+                ):
+                    yield "unknown", cells
+
+
+def _has_unit(cells: Sequence[str]) -> bool:
+    return any(roles_of_unit(cell) for cell in cells)
+
+
+def _is_word(cell: str) -> bool:
+    return cell[:1].isalpha() and not roles_of_unit(cell)
 
 
 def _by_axes(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
