@@ -29,6 +29,9 @@ _TABLE = "{urn:oasis:names:tc:opendocument:xmlns:table:1.0}"
 _OFFICE = "{urn:oasis:names:tc:opendocument:xmlns:office:1.0}"
 _CELL = re.compile(rb"\br\s*=\s*[\"']([A-Za-z]{1,9})(\d{1,12})[\"']")
 
+_ROW = re.compile(rb"<table:table-row.*?</table:table-row>", re.DOTALL)  # of an OpenDocument sheet
+_REPEATED = {kind: re.compile(rf'{kind}-repeated="(\d{{1,9}})"'.encode()) for kind in ("rows", "columns")}
+
 Row = list[Any]
 
 
@@ -148,13 +151,10 @@ def _require_harmless(path: Path) -> None:
 def _require_few_repeats(path: Path, content: bytes) -> None:
     """Raise InputError if repeated rows and cells of an OpenDocument sheet need too much memory."""
     cells = 0
-    for row in re.findall(rb"<table:table-row.*?</table:table-row>", content, re.DOTALL):
+    for row in _ROW.findall(content):
         if b"office:value" in row:  # Empty rows at the end of a sheet are repeated up to a million times.
-            repeats = {
-                kind: sum(map(int, re.findall(kind + rb'-repeated="(\d{1,9})"', row)))
-                for kind in (b"rows", b"columns")
-            }
-            cells += max(repeats[b"rows"], 1) * (repeats[b"columns"] + row.count(b"<table:table-cell"))
+            times, wide = (sum(map(int, _REPEATED[kind].findall(row))) for kind in ("rows", "columns"))
+            cells += max(times, 1) * (wide + row.count(b"<table:table-cell"))
     if cells > SETTINGS.sheet_cells_max:
         raise InputError(
             place=path, found=f"spans {cells} cells", expected=f"at most {SETTINGS.sheet_cells_max}"

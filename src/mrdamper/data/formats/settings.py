@@ -39,7 +39,8 @@ class ReadingSettings:
     # Time
     continuation_max_steps: float = 1.5  # A piece after a longer pause is a separate recording.
     clock_tolerance_steps: float = 0.01  # Clocks that differ by less than this fraction of a step are equal.
-    unix_time_min_s: float = 1e9  # Larger times are seconds since 1970.
+    unix_time_min_s: float = 1e9  # Larger times are seconds since 1970, up to the next limit.
+    unix_time_max_s: float = 2.2e9  # Larger times count from another day, such as the days of Excel.
     time_zone_ambiguity_max_K: float = 1.0  # max effect of an unknown time zone on the temperatures of runs
 
     # Shape of a column

@@ -237,7 +237,7 @@ def _without_notes_beside(path: TextSource, head: Head, options: FileOptions) ->
         split_line(line, delimiter)[first:last] for line in _content(path).decode(head.encoding).splitlines()
     ]
     above = ["\t".join(cells) for cells in entries]
-    source = TextInMemory(f"{path}", "\n".join([*above, *map("\t".join, lines), ""]).encode())
+    source = TextInMemory(f"{path}", "\n".join([*above, "", *map("\t".join, lines), ""]).encode())
     table = read_text(source, FileOptions(delimiter="\t", decimal=options.decimal))
     return replace(
         table, layout=replace(table.layout, notes=(*table.layout.notes, "notes next to the samples"))

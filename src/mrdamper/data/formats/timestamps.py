@@ -22,22 +22,14 @@ from mrdamper.data.formats.table import Moment, Texts
 
 # First letters of the names of the months in English, German, French, Spanish, Portuguese, Italian, Dutch,
 # Polish, Czech, Hungarian, Turkish and Russian.
+_NAMES_OF_MONTHS = (
+    "jan gen ene sty led oca янв|feb fév fev lut úno şub фев|mar mär mrz maa bře már мар|apr avr abr "
+    "kwi dub ápr nis апр|may mai mei mag maj kvě máj мая май|jun juin giu cze jún haz июн|jul juil lug "
+    "lip júl tem июл|aug aoû ago sie srp ağu авг|sep set wrz zář sze eyl сен|oct okt ott out paź říj "
+    "eki окт|nov lis kas ноя|dec dez dic déc gru pro ara дек"
+)
 _MONTHS = {
-    begin: number
-    for number, names in enumerate(
-        (
-            *("jan gen ene sty led oca янв", "feb fév fev lut úno şub фев", "mar mär mrz maa bře már мар"),
-            *(
-                "apr avr abr kwi dub ápr nis апр",
-                "may mai mei mag maj kvě máj мая май",
-                "jun juin giu cze jún haz июн",
-            ),
-            *("jul juil lug lip júl tem июл", "aug aoû ago sie srp ağu авг", "sep set wrz zář sze eyl сен"),
-            *("oct okt ott out paź říj eki окт", "nov lis kas ноя", "dec dez dic déc gru pro ara дек"),
-        ),
-        1,
-    )
-    for begin in names.split()
+    begin: number for number, names in enumerate(_NAMES_OF_MONTHS.split("|"), 1) for begin in names.split()
 }
 _MONTH = rf"(?:{'|'.join(_MONTHS)})[^\W\d_]*\.?"
 _DATE = (
@@ -79,11 +71,8 @@ def _groups_of(cell: str) -> tuple[str | None, ...] | None:
     """
     match = _TIME.match(cell)
     if match is None and sum(map(str.isdecimal, cell)) > 5:
-        half = _HALF.search(cell)
-        if half is not None:
-            cell = (
-                f"{cell[: half.start()]} {cell[half.end() :]} {half[1] or ('A' if half[2] else 'P')}M".strip()
-            )
+        if half := _HALF.search(cell):
+            cell = f"{_HALF.sub(' ', cell).strip()} {half[1] or ('A' if half[2] else 'P')}M"
         match = _TIME.match(_DOTTED.sub(r"\1:\2:\3", cell))
     return None if match is None else match.groups()
 

@@ -27,7 +27,7 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, to_si
 
 _NEEDED = frozenset({"displacement", "force"})
-_TOKEN = re.compile(r"\d+|[^\W\d_]+")
+_TOKEN = re.compile(r"[\W_]*(?:\d+|[^\W\d_]+)")  # A number or a word of a file name.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,42 +75,26 @@ def join_channel_files(
 def _runs_of(channels: Sequence[_ChannelFile]) -> dict[str, list[_ChannelFile]]:
     """Return the files of each run in a folder by the common part of their names.
 
-    The part of the names is chosen that assigns most files to runs. It is the name without channel words, the
-    beginning or the end of the name, or "" for all files. The other part is then equal in all runs.
+    The part is the name without channel words, the beginning or the end of the name, or "" for all files. The
+    part that assigns most files to runs is chosen.
     """
-    stems = [channel.path.stem for channel in channels]
-    ways = [[(strip_channel(stem), "") for stem in stems]]
-    for k in range(1, max((len(_TOKEN.findall(stem)) for stem in stems), default=0)):
-        for at in (k, -k):
-            ways.append([_split_at(stem, at) for stem in stems])
-    ways.append([("", "")] * len(stems))
+    names = {channel.path: _TOKEN.findall(channel.path.stem) for channel in channels}
+    counts = range(1, max(map(len, names.values())))
+    ways = [{path: strip_channel(path.stem) for path in names}]
+    ways += [{path: "".join(words[:k]) for path, words in names.items()} for k in counts]
+    ways += [{path: "".join(words[-k:]).lstrip("_-. ") for path, words in names.items()} for k in counts]
+    ways += [dict.fromkeys(names, "")]
     best: dict[str, list[_ChannelFile]] = {}
     for way in ways:
         groups: dict[str, list[_ChannelFile]] = {}
-        words: dict[str, set[str]] = {}
-        for channel, (run, word) in zip(channels, way, strict=True):
-            groups.setdefault(run, []).append(channel)
-            words.setdefault(channel.role, set()).add(word)
-        is_named = any(word for _, word in way)
-        if is_named and (len(groups) < 2 or any(len(each) > 1 for each in words.values())):
-            continue
-        runs = {}
-        for run, group in groups.items():
-            roles = [channel.role for channel in group]
-            if {*roles} >= _NEEDED and len({*roles}) == len(roles):
-                runs[run] = group
+        for channel in channels:
+            groups.setdefault(way[channel.path], []).append(channel)
+        roles = {run: sorted(channel.role for channel in group) for run, group in groups.items()}
+        runs = {run: group for run, group in groups.items() if len({*roles[run]}) == len(group)}
+        runs = {run: group for run, group in runs.items() if {*roles[run]} >= _NEEDED}
         if sum(map(len, runs.values())) > sum(map(len, best.values())):
             best = runs
     return best
-
-
-def _split_at(stem: str, at: int) -> tuple[str, str]:
-    """Return the names of run and channel in a file name, divided at a token (negative: from the end)."""
-    starts = [match.start() for match in _TOKEN.finditer(stem)]
-    if abs(at) >= len(starts):
-        return stem, ""
-    parts = stem[: starts[at]].rstrip("_-. "), stem[starts[at] :].rstrip("_-. ")
-    return parts if at > 0 else parts[::-1]
 
 
 def _channel_of(table: Table, chosen: ChannelMap, path: Path) -> _ChannelFile:

@@ -28,6 +28,15 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import roles_of_unit, to_si
 
 _TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6}  # Possible units of a time column, in ticks per second.
+# Unit, and the first and last count of the years 1970 to 2099; then the counts of a second.
+_EPOCHS = (
+    *(
+        (unit, 1e9 * ticks, 4.1e9 * ticks, ticks)
+        for unit, ticks in (("s", 1), ("ms", 1e3), ("us", 1e6), ("ns", 1e9))
+    ),
+    *(("d", first, first + 47_481, 1 / DAY_S) for first in (25_569, 719_529)),  # days of Excel and of MATLAB
+)
+_STEP_MIN_S, _STEP_MAX_S = 5e-4, 0.05  # A longer step may be a step of a faster clock in a smaller unit.
 MEASURED = frozenset({"displacement", "force", "velocity"})
 """Roles that are not extrapolated. Values of other roles hold one step before and after their samples."""
 
@@ -250,7 +259,8 @@ def start_of(table: Table, first_s: float, path: Path, stated: Sequence[str] = (
     moments = [each for each in (*stamps, table.start, lines) if each is not None]
     moment = next((each for each in moments if each.has_date), next(iter(moments), None))
     if moment is None:
-        return Moment(0.0, 0.0, is_utc=True) if first_s > SETTINGS.unix_time_min_s else None
+        is_unix_time = SETTINGS.unix_time_min_s < first_s < SETTINGS.unix_time_max_s
+        return Moment(0.0, 0.0, is_utc=True) if is_unix_time else None
     if moment.has_date:
         return moment
     days = next(filter(None, map(date_in, (table.said, stated, [path.stem], [path.parent.name]))), None)
@@ -277,6 +287,21 @@ def unit_by_rate(name: str, table: Table) -> str:
     """Return the time unit that agrees with the sampling rate above the table, "" if no unit agrees."""
     ticks = _ticks_per_second(name, table)
     return next((unit for unit, rate in _TICKS.items() if ticks and _is_near(ticks, rate)), "")
+
+
+def unit_by_magnitude(times: FloatArray) -> str:
+    """Return the time unit of a count since 1970 (or days of Excel or MATLAB), "" for any other column.
+
+    The time step must be possible on a rig in this unit, and in no other unit.
+    """
+    counts = np.unique(times[np.isfinite(times)])
+    step = float(np.median(np.diff(counts))) if len(counts) > 1 else 0.0
+    fitting = (
+        unit
+        for unit, low, high, ticks in _EPOCHS
+        if _STEP_MIN_S <= step / ticks <= _STEP_MAX_S and low <= counts[0] and counts[-1] < high
+    )
+    return next(fitting, "")
 
 
 def require_one_rate(column: Column, table: Table, place: str) -> None:

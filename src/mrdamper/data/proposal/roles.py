@@ -23,6 +23,7 @@ from mrdamper.data.proposal.clocks import (
     increases,
     is_coarse_clock,
     require_one_rate,
+    unit_by_magnitude,
     unit_by_rate,
 )
 from mrdamper.data.proposal.column import Column, Header, header_of, headers_of, meant_without_unit
@@ -227,6 +228,8 @@ def _column_without_unit(
     meant = meant_without_unit(role, headers)
     if not worded and meant is not None and channel.unit:
         return Column(role, meant.name, channel.unit, "its word, and an answer")
+    if role == "time" and meant is not None and (unit := unit_by_magnitude(table.columns[meant.name])):
+        return Column(role, meant.name, unit, "size of its numbers")
     if not worded:
         if role in chosen.channels and channel.name is None and not channel.unit:
             found = f"neither channel.{role} nor a header names a column; the columns are: "

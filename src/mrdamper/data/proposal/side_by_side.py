@@ -14,6 +14,7 @@ from mrdamper.data.formats.clocks import with_times
 from mrdamper.data.formats.groups import attribute_lines
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Table
+from mrdamper.data.proposal.clocks import unit_by_magnitude
 from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
 from mrdamper.quantities import QUANTITIES, roles_of_unit, to_si
 
@@ -75,11 +76,7 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
         and len({role for role in QUANTITIES if any(_means(name or "", role) for name in kind)}) > 1
     ]
     of_time = {name for name in table.columns if "time" in roles_of_unit(word_and_unit(name)[1])}
-    varying = [
-        name
-        for name, values in table.columns.items()
-        if np.nanmin(values, initial=np.inf) < np.nanmax(values, initial=-np.inf)
-    ]
+    varying = [name for name, values in table.columns.items() if len({*values[np.isfinite(values)]}) > 1]
     times = [name for name in varying if _means(name, "time") or name in {*of_time, *table.stamps}]
     if len(named) != 1 or len(times) != 1:
         return (table,)
@@ -87,18 +84,15 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
     numbers = [name for name in varying if name not in times and not is_counter(table.columns[name])]
     values = [name for name in numbers if _VALUE.fullmatch(name.strip("_ "))] or numbers
     unit = word_and_unit(times[0])[1] or table.units.get(times[0], "")
+    unit = unit or unit_by_magnitude(table.columns[times[0]])
     if len(values) != 1 or "time" not in roles_of_unit(unit):
         return (table,)
     units = next((cells for name, cells in table.texts.items() if "unit" in name.lower()), None)
     words = [name for name in kinds if name not in named and table.texts[name] is not units]
-    keys = [
-        [attribute_lines({name: f"{value:g}"})[0] for value in table.columns[name]]
-        for name in numbers
-        if name not in values
-    ]
+    numbers = [name for name in numbers if name not in values]
+    keys = [[attribute_lines({name: f"{value:g}"})[0] for value in table.columns[name]] for name in numbers]
     keys += [[f"{cell}" for cell in table.texts[name]] for name in words if len(kinds[name]) > 1]
-    of_channel = [len({*zip(key, channels, strict=True)}) == len({*key}) for key in keys]
-    keys = [key for key, is_of_channel in zip(keys, of_channel, strict=True) if not is_of_channel]
+    keys = [key for key in keys if len({*zip(key, channels, strict=True)}) > len({*key})]
     titles = np.array([" ".join(key) for key in zip(*keys, strict=True)] or [table.title] * table.rows)
     seconds = to_si(table.columns[times[0]], unit, "time")
     runs = []
@@ -110,9 +104,8 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
             name: (units or [""])[int(np.argmax(there)) if units else 0] or "" for name, there in rows.items()
         }
         size = max(map(len, columns.values()))
-        if size < SETTINGS.table_rows_min or any(
-            (np.diff(seconds[there]) < 0.0).any() for there in rows.values()
-        ):
+        is_mixed = any((np.diff(seconds[there]) < 0.0).any() for there in rows.values())
+        if size < SETTINGS.table_rows_min or is_mixed:
             return (table,)
         plain = replace(
             table,

@@ -80,11 +80,9 @@ def _are_decimals(lines: Sequence[str], first: int) -> bool:
     """
     filled = [line.strip() for line in lines[first:] if line.strip()]
     cells = [match for line in filled if (match := _DECIMAL.fullmatch(line))]
-    has_zeros = len({len(cell[1]) for cell in cells}) == 1 and any(
-        cell[1][:-1].startswith("0") for cell in cells
-    )
-    is_decimal = has_zeros or any("-0," in cell[0] for cell in cells) or _describes_one_channel(lines[:first])
-    return len(cells) == len(filled) and is_decimal
+    are_even = len({len(cell[1]) for cell in cells}) == 1
+    has_zeros = any("-0," in cell[0] or (are_even and cell[1][:-1].startswith("0")) for cell in cells)
+    return len(cells) == len(filled) and (has_zeros or _describes_one_channel(lines[:first]))
 
 
 def _describes_one_channel(lines: Sequence[str]) -> bool:
@@ -144,12 +142,14 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     header = _read_header(lines, first, delimiter)
     if not any(map(are_all_per_cent, header.said)):
         return header
-    split = [word_and_unit(name) for name in header.names]
-    shares = [unit and "time" not in roles_of_unit(unit) for _, unit in split]
-    names = (
-        f"{word} [%]" if share else name
-        for name, (word, _), share in zip(header.names, split, shares, strict=True)
-    )
+    split = [(name, *word_and_unit(name)) for name in header.names]
+    roles = {*QUANTITIES} - {"time"}
+    names = [
+        f"{word} [%]"
+        if roles & {*roles_of_unit(unit)} or any(speaks_of(word, role) for role in roles)
+        else name
+        for name, word, unit in split
+    ]
     return replace(header, names=tuple(names), scales={})
 
 
@@ -161,7 +161,10 @@ def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     """
     cells = split_line(lines[first], delimiter)
     bare = [_COMMENT.sub("", line) for line in lines[:first]]
-    table = [_filled(split_line(line, delimiter)) for line in bare]
+    # The cells of a header above one column have a delimiter of their own.
+    signs = (delimiter,) if len(cells) > 1 else DELIMITERS[:-1]
+    sign = max(signs, key=lambda sign: sum(sign in line for line in bare))
+    table = [_filled(split_line(line, sign)) for line in bare]
     stated = find_properties(table, bare, cells)
     if stated is not None:
         said = statements(lines[:first], delimiter)

@@ -86,14 +86,8 @@ def find_properties(
     leads = bool(first) and not first[0]  # The first cells of the rows are empty, below the labels.
     count = len(first) - leads
     stated: dict[str, list[list[str]]] = {name: [] for name in (*_WORDS, "unknown")}
-    sources = (
-        _by_rows(rows),
-        _by_channels(rows),
-        _by_numbers(lines),
-        _by_axes(lines),
-        _by_units(rows, count),
-    )
-    for name, values in itertools.chain(*sources):
+    labelled = (*_by_rows(rows), *_by_channels(rows), *_by_numbers(lines), *_by_axes(lines))
+    for name, values in (*labelled, *_by_units(rows, count)):
         if name in stated and not (name == "name" and any(map(_is_number, values))):
             stated[name].append([*values])
     found: dict[str, list[str]] = {}
@@ -142,9 +136,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _names_quantity(name: str) -> bool:
-    return parse_header(name) is not None or any(
-        speaks_of(word_and_unit(name)[0], role) for role in QUANTITIES
-    )
+    return bool(parse_header(name)) or any(speaks_of(word_and_unit(name)[0], role) for role in QUANTITIES)
 
 
 def _numbers(found: Mapping[str, list[str]], name: str, otherwise: float) -> list[float]:
@@ -205,36 +197,32 @@ def _by_units(rows: Sequence[Sequence[str]], count: int) -> Iterator[tuple[str, 
     """
     labelled = [row for row in rows if len(row) == count + 1 and row[0] and not is_any_unit(row[0])]
     tables = [[(property_of(row[0]), [*row[1:]]) for row in labelled]]
+    around: list[Sequence[Sequence[str]]] = [()]  # The rows before and after a list.
     for k in range(len(rows) - count + 1 if count > 1 else 0):
-        listed, above = rows[k : k + count], rows[k - 1] if k else ()
-        if len({*map(len, listed)}) == 1 and not (len(above) == len(listed[0]) and _has_unit(above)):
-            labels = map(property_of, above) if len(above) == len(listed[0]) else [""] * len(listed[0])
-            tables.append(
-                [(label, [*column]) for label, column in zip(labels, zip(*listed, strict=True), strict=True)]
-            )
-    for table in tables:
+        above, below = rows[max(k - 1, 0) : k], rows[k + count : k + count + 1]
+        labels = itertools.chain(map(property_of, *above or [()]), itertools.repeat(""))
+        columns = zip_longest(*rows[k : k + count], fillvalue="")
+        tables.append([(label, [*cells]) for label, cells in zip(labels, columns, strict=False)])
+        around.append([*above, *below])
+    for table, others in zip(tables, around, strict=True):
         of_units = [
-            k for k, (_, cells) in enumerate(table) if all(map(is_any_unit, cells)) and _has_unit(cells)
+            k
+            for k, (_, cells) in enumerate(table)
+            if all(map(is_any_unit, cells)) and any(map(roles_of_unit, cells))
         ]
-        for unit in of_units[:1]:
-            yield "unit", table[unit][1]
-            for k, (label, cells) in sorted(enumerate(table), key=lambda each: abs(each[0] - unit)):
-                if k not in of_units and all(map(_is_word, cells)) and len({*cells}) == len(cells):
-                    yield "name", cells
-                elif (
-                    not label
-                    and all(map(_is_number, cells))
-                    and any(re.search("[.,eE]", each) for each in cells)
-                ):
-                    yield "unknown", cells
-
-
-def _has_unit(cells: Sequence[str]) -> bool:
-    return any(roles_of_unit(cell) for cell in cells)
+        unit = next(iter(of_units), None)
+        if unit is None or any(roles_of_unit(row[unit]) for row in others if len(row) > unit):
+            continue  # There are more channels in the list than columns.
+        yield "unit", table[unit][1]
+        for k, (label, cells) in sorted(enumerate(table), key=lambda each: abs(each[0] - unit)):
+            if k not in of_units and all(map(_is_word, cells)) and len({*cells}) == len(cells):
+                yield "name", cells
+            elif not label and all(map(_is_number, cells)) and re.search("[.,eE]", "".join(cells)):
+                yield "unknown", cells
 
 
 def _is_word(cell: str) -> bool:
-    return cell[:1].isalpha() and not roles_of_unit(cell)
+    return cell[:1].isalpha() and not roles_of_unit(cell) and not property_of(cell).endswith("unit")
 
 
 def _by_axes(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
