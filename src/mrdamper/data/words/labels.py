@@ -192,7 +192,7 @@ def _may_say(place: Place, role: str) -> bool:
 
 
 _SAMPLING = re.compile(
-    r"sampl|(?<![^\W_])fs(?![^\W_])|\brate\b|messrate|abtast|acqui|échant|echant|muestr|campion|amostr|próbk|дискрет|опрос|采样|サンプ|샘플",
+    r"sampl|(?<![^\W_])fs(?![^\W_])|\brate\b|messrate|abtast|acqui|échant|echant|muestr|campion|amostr|próbk|vzork|mintav|örnek|дискрет|опрос|采样|サンプ|샘플",
     re.IGNORECASE,
 )
 _RATE = re.compile(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -25,7 +26,8 @@ _COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
 _SPARSE = re.compile(r"(events?|markers?|comments?|remarks?|notes?)", re.IGNORECASE)
 _LEAD = re.compile(r"^\s*[^\W\d]+(?:\s+[^\W\d]+)?\s*[:=]\s*")  # "columns: "
 _THOUSANDS = re.compile(r"[+-]?\d{1,3},\d{3}")
-_DECIMAL = re.compile(r"[+-]?\d+,(\d+)")
+_DECIMAL = re.compile(r"([+-]?\d+),(\d+)")
+_PAIR = re.compile(r"\s*(?:[:=;\t]+|,)\s*")  # Between the label and the value of an entry.
 _WHOLE = re.compile(r"[+-]?\d+")
 _SETTING = re.compile(
     r"\s*[-*]?\s*[\"']?([^\W\d][^:=]*?)[\"']?\s*[:=]\s*[\"']?"
@@ -76,18 +78,22 @@ def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
 def _are_decimals(lines: Sequence[str], first: int) -> bool:
     """Return True if a comma is the decimal sign in a text with one column, such as ``-0,05`` and ``1,20``.
 
-    The header has one name and one unit, or the numbers have zeros in front, unlike whole numbers.
+    The header has one name and one unit, or the numbers have zeros in front, unlike whole numbers. A first
+    column with equal steps is a time or an index.
     """
     filled = [line.strip() for line in lines[first:] if line.strip()]
     cells = [match for line in filled if (match := _DECIMAL.fullmatch(line))]
-    are_even = len({len(cell[1]) for cell in cells}) == 1
-    has_zeros = any("-0," in cell[0] or (are_even and cell[1][:-1].startswith("0")) for cell in cells)
-    return len(cells) == len(filled) and (has_zeros or _describes_one_channel(lines[:first]))
+    steps = {b - a for a, b in itertools.pairwise(int(cell[1]) for cell in cells)}
+    if len(cells) < len(filled) or (len(steps) == 1 and steps != {0}):
+        return False
+    are_even = len({len(cell[2]) for cell in cells}) == 1
+    has_zeros = any("-0," in cell[0] or (are_even and cell[2][:-1].startswith("0")) for cell in cells)
+    return has_zeros or _describes_one_channel(lines[:first])
 
 
 def _describes_one_channel(lines: Sequence[str]) -> bool:
     """Return True if the lines above a table state one name and one unit as entries ``Unit: kN``."""
-    entries = [cells for line in lines if len(cells := re.split("[:=;\t]+", line.strip())) == 2]
+    entries = [cells for line in lines if len(cells := _PAIR.split(line.strip(), maxsplit=1)) == 2]
     values = {property_of(name): value.strip() for name, value in entries if value.strip()}
     return {"name", "unit"} <= values.keys() and is_any_unit(values["unit"])
 
@@ -161,10 +167,9 @@ def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     """
     cells = split_line(lines[first], delimiter)
     bare = [_COMMENT.sub("", line) for line in lines[:first]]
-    # The cells of a header above one column have a delimiter of their own.
-    signs = (delimiter,) if len(cells) > 1 else DELIMITERS[:-1]
-    sign = max(signs, key=lambda sign: sum(sign in line for line in bare))
-    table = [_filled(split_line(line, sign)) for line in bare]
+    table = [_filled(split_line(line, delimiter)) for line in bare]
+    if len(cells) == 1:
+        table = [_PAIR.split(line.strip(), maxsplit=1) for line in bare]
     stated = find_properties(table, bare, cells)
     if stated is not None:
         said = statements(lines[:first], delimiter)

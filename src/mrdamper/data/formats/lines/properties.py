@@ -94,7 +94,8 @@ def find_properties(
     for size in range(count, max(count - 3, 0), -1):
         fitting = {name: [each for each in lists if len(each) == size] for name, lists in stated.items()}
         found = {name: lists[0] for name, lists in fitting.items() if lists}
-        if "name" in found:  # A description may name the quantity if the name is only a number of a channel.
+        if "name" in found and (size == count or all(map(is_any_unit, found.get("unit", [])))):
+            # A description may name the quantity if the name is only a number of a channel.
             found["name"] = max(fitting["name"], key=lambda each: sum(map(_names_quantity, each)))
             if len(found) > 1 or all(word_and_unit(name)[1] for name in found["name"]):
                 break

@@ -1,0 +1,276 @@
+"""Files as instruments write them: channel lists, long tables, one file per channel, per cent, dates.
+
+Each case is a layout of an instrument or a program. A file with an unclear meaning leads to a question.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from mrdamper.data.formats.timestamps import Timestamps, moment_of
+from mrdamper.data.proposal.clocks import unit_by_magnitude
+from mrdamper.data.proposal.questions import AskingError
+from mrdamper.data.readers import read_runs
+from mrdamper.data.records import RigRun
+from tests.data.test_laboratories import CURRENTS, RUNS, assert_read
+from tests.data.test_unseen_layouts import BARE, columns, each, table, write
+
+UNITS = ("mm", "N", "A")
+SCOPE = "CH1: LVDT, 1 V = 5 mm\nCH2: load cell, 500 N/V\nCH3: current clamp, 100 mV/A\n"
+
+
+def samples(run: RigRun, sign: str = ",", form: str = "%.6f", point: str = ".") -> str:
+    """Return displacement, force and current as lines of text, without a time."""
+    return table(*columns(run)[1:], sign=sign, form=form).replace(".", point)
+
+
+def counts(run: RigRun) -> str:
+    x, f, i = columns(run)[1:]
+    return table((x + 2.5) / 1e-6, (f - 12.5) / 1e-3, i / 0.01, sign=";", form="%.0f")
+
+
+FACTORS = "Vzorkování;200 Hz\nKanál;1;2;3\nNázev;Zdvih; Síla;Proud\nJednotka;mm;N;A\n"
+
+
+def files(text: Callable[[str, str, np.ndarray], str], form: str) -> Callable[[Path], None]:
+    """Return a writer of one file for each channel; the text depends on name, unit and samples."""
+
+    def writer(folder: Path) -> None:
+        for k, run in enumerate(RUNS):
+            for name, unit, values in zip(("ut", "ero", "aram"), UNITS, columns(run)[1:], strict=True):
+                step = 20 if unit == "A" else 1
+                write(folder, form.format(k + 1, name), text(name, unit, values[::step]))
+
+    return writer
+
+
+def interval_ms(unit: str) -> int:
+    return 100 if unit == "A" else 5
+
+
+def scope(folder: Path, notes: str = SCOPE) -> None:
+    """Write screens of an oscilloscope with entries next to the samples."""
+    for k, run in enumerate(RUNS):
+        t, x, f, i = columns(run)
+        for channel, volts in enumerate((x / 5.0, f / 500.0, i * 0.1), 1):
+            entries = [f"Source,CH{channel}", "Vertical Units,V", "Vertical Scale,0.5", "Horizontal Units,s"]
+            entries += [","] * (len(t) - len(entries))
+            lines = zip(entries, table(t - 1.0, volts, form="%.9f").splitlines(), strict=True)
+            write(folder, f"F{k:04d}CH{channel}.CSV", "".join(f"{a},,{b},\n" for a, b in lines))
+    write(folder, "channels.txt", notes)
+
+
+def long_rows(form: Callable[[int, str, float], str]) -> str:
+    """Return a row for each sample and channel; ``form`` returns the cells in front of the value."""
+    names = ("rod_position_mm", "rod_force_N", "coil_current_A")
+    return "".join(
+        f"{form(k, name, t)},{value:.6f}\n"
+        for k, run in enumerate(RUNS)
+        for name, values in zip(names, columns(run)[1:], strict=True)
+        for t, value in zip(run.time, values, strict=True)
+    )
+
+
+def moment(k: int, t: float) -> datetime:
+    return datetime(2024, 1, 18, 8, 12) + timedelta(minutes=k, seconds=float(t))
+
+
+def influx(folder: Path) -> None:
+    head = "#group,false,false,true,false,true,true,false\n#datatype,string,long,dateTime:RFC3339,"
+    head += "dateTime:RFC3339,string,string,double\n#default,_result,,,,,,\n"
+    head += ",result,table,_start,_time,_field,run,_value\n"
+    rows = long_rows(
+        lambda k, name, t: (
+            f",,{5 * k + len(name) % 5},2024-01-18T08:00:00Z,"
+            f"{moment(k, t).isoformat('T', 'milliseconds')}Z,"
+            f"{name},R{k}"
+        )
+    )
+    write(folder, "query.csv", head + rows)
+
+
+def epoch(folder: Path) -> None:
+    rows = long_rows(lambda k, name, t: f"damper,{name},{k},{1705565520000 + 60000 * k + round(1e3 * t)}")
+    write(folder, "export.csv", "measurement,variable,test,time,value\n" + rows)
+
+
+def beside_on_a_sheet(folder: Path) -> None:
+    from openpyxl import Workbook
+
+    for run, current in zip(RUNS, CURRENTS, strict=True):
+        book = Workbook()
+        notes = [["Operator", "Lee"], ["Coil current", f"{current} A"], ["Motion", "sine"]]
+        book.active.append(["Time [s]", "Stroke [mm]", "Load [N]"])
+        for k, row in enumerate(zip(*columns(run)[:3], strict=True)):
+            book.active.append([*map(float, row), None, *(notes[k] if k < len(notes) else [])])
+        book.save(folder / f"{current}.xlsx")
+
+
+def per_cent(run: RigRun) -> str:
+    head = "MESSRATE 200 HZ\nKANAL 1 WEG MESSBEREICH 25 MM\nKANAL 2 KRAFT MESSBEREICH 2 KN\n"
+    head += "KANAL 3 STROM MESSBEREICH 2 A\nALLE WERTE IN PROZENT VOM MESSBEREICH\n\nNR;WEG;KRAFT;STROM\n"
+    _, x, f, i = columns(run)
+    return head + table(np.arange(len(x)), x / 0.25, f / 20.0, i / 0.02, sign=";", form="%.7f")
+
+
+def matrices(
+    folder: Path, names: tuple[str, ...] = ("run1", "run2", "run3"), form: Literal["5", "4"] = "5"
+) -> None:
+    """Write a matrix for each run, and vectors with one value for each run."""
+    held = {"I_coil_A": np.array(CURRENTS), "fs_Hz": np.full(3, 200.0)}
+    whole = {name: np.column_stack(columns(run)[1:3]) for name, run in zip(names, RUNS, strict=True)}
+    savemat(folder / "day.mat", whole | held | {"labels": ["Stroke [mm]", "Load [N]   "]}, format=form)
+
+
+def archive(folder: Path) -> None:
+    whole: dict[str, Any] = {f"test_{k}": np.column_stack(columns(run)[:3]) for k, run in enumerate(RUNS)}
+    names = np.array(["time_s", "disp_mm", "force_N"])
+    np.savez(folder / "day.npz", **whole, columns=names, current_A=np.array(CURRENTS))
+
+
+LAYOUTS: dict[str, Callable[[Path], None]] = {
+    "list_of_names_with_commas": each(
+        lambda run: (
+            '"Setup","Damper, MR-7"\n"Sample rate:","200 Hz"\n"1","Stroke, rod","mm",-15.2\n'
+            '"2","Load, cell 5 kN","N",-310.5\n"3","Coil, clamp","A",0.01\n"Data1"\n' + samples(run)
+        )
+    ),
+    "list_with_the_time": each(
+        lambda run: (
+            "Nr;Bezeichnung;Einheit;Bereich\n0;Zeit;s;\n1;Weg;mm;50\n2;Kraft;N;10\n3;Strom;A;5\nMesswerte\n"
+            + table(*columns(run), sign=";").replace(".", ",")
+        )
+    ),
+    "rows_in_another_language": each(
+        lambda run: (
+            "Örnekleme (sampling);200 Hz\nAd;Konum; uç;Kuvvet\nBirim;mm;N\n".replace("; uç", " uç")
+            + f"Akım [A];{run.command[0]}\n"
+            + table(*columns(run)[1:3], sign=";").replace(".", ",")
+        )
+    ),
+    "rows_of_factors": each(
+        lambda run: FACTORS + "Faktor;1e-6;1e-3;0,01\nOffset;-2,5;12,5;0\n" + counts(run)
+    ),
+    "annotated_query": influx,
+    "milliseconds_since_1970": epoch,
+    "header_and_values": files(
+        lambda name, unit, values: (
+            f"Channel: {name}\nUnit: {unit}\nSample interval: {interval_ms(unit)} ms\n\n"
+            + table(values).replace(".", ",")
+        ),
+        "m{}-{}.asc",
+    ),
+    "index_and_value": files(
+        lambda name, unit, values: (
+            f"Signal;{name}\nEinheit;{unit}\nAbtastzeit;{interval_ms(unit)} ms\nIndex;Wert\n"
+            + table(np.arange(float(len(values))), values, sign=";")
+        ),
+        "{1}_{0:03d}.txt",
+    ),
+    "screens_of_a_scope": scope,
+    "notes_beside_on_a_sheet": beside_on_a_sheet,
+    "per_cent_of_ranges": each(per_cent, "LAUF.{:03d}"),
+    "matrices_with_vectors": matrices,
+    "matrices_of_matlab_4": lambda folder: matrices(folder, form="4"),
+    "matrices_of_an_archive": archive,
+    "days_of_excel": each(
+        lambda run: (
+            "Date/Time,Stroke mm,Load N,Coil A\n"
+            + "".join(
+                f"{44634.5 + t / 86400.0:.12f},{line}\n"
+                for t, line in zip(run.time, samples(run).splitlines(), strict=True)
+            )
+        )
+    ),
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_layout_of_instrument_is_read(tmp_path, layout):
+    LAYOUTS[layout](tmp_path)
+    assert_read(read_runs(tmp_path))
+
+
+def two_sensors(folder: Path) -> None:
+    """Write a long table in which two sensors have the same name."""
+    x, f, i = columns(RUNS[1])[1:]
+    series = (("force_N", "A", f), ("force_N", "B", 2.0 * f), ("rod_mm", "C", x), ("coil_A", "D", i))
+    rows = (
+        f"{name},{serial},{t:.3f},{value:.4f}\n"
+        for name, serial, values in series
+        for t, value in zip(RUNS[1].time, values, strict=True)
+    )
+    write(folder, "all.csv", "channel,serial,t_s,value\n" + "".join(rows))
+
+
+UNCLEAR: dict[str, Callable[[Path], None]] = {
+    "unknown_rows_of_factors": each(lambda run: FACTORS + "Konst;1e-6;1e-3;0,01\n" + counts(run)),
+    "other_equation": each(
+        lambda run: "value = (code - offset) * factor\n" + FACTORS + "Faktor;1e-6;1e-3;0,01\n" + counts(run)
+    ),
+    "list_of_more_channels": each(
+        lambda run: "200 Hz\n1;Stroke;mm\n2;Load;N\n3;Coil;A\n4;Oil;degC\nData\n" + samples(run, ";")
+    ),
+    "channel_of_two_sensors": two_sensors,
+    "scope_without_scales": lambda folder: scope(folder, "four screens\n"),
+    "scope_with_two_scales": lambda folder: scope(folder, SCOPE + "CH2, new amplifier: 250 N/V\n"),
+    "per_cent_of_no_range": each(lambda run: "Rate 200 Hz\n" + per_cent(run)[per_cent(run).index("ALLE") :]),
+    "vector_of_unnumbered_runs": lambda folder: matrices(folder, ("low", "mid", "high")),
+}
+
+
+@pytest.mark.parametrize("layout", UNCLEAR)
+def test_unclear_layout_is_a_question(tmp_path, layout):
+    UNCLEAR[layout](tmp_path)
+    with pytest.raises(AskingError):
+        read_runs(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "spelled",
+    [
+        *("2021.03.04. 14:22:57:010", "2021. 3. 4. 14:22:57.010", "4.3.2021 14.22.57,010"),
+        *("4. März 2021 14:22:57,010", "4 mars 2021 14:22:57,010", "4 de marzo de 2021 14:22:57,010"),
+        *("04-Mar-2021 14:22:57.010", "Mar 4, 2021 02:22:57.010 PM", "04/Mar/2021:14:22:57.010"),
+        *("2021年3月4日 14:22:57.010", "2021/03/04 下午 2:22:57.010", "4-мар-2021 2:22:57.010 p. m."),
+    ],
+)
+def test_date_notation_gives_same_moment(spelled):
+    found = moment_of(spelled)
+    assert found is not None
+    assert found.day_first_s == pytest.approx(datetime(2021, 3, 4, 14, 22, 57, 10000).timestamp(), abs=86400)
+    reader = Timestamps()
+    assert reader.seconds([spelled, spelled.replace("010", "020")]) == pytest.approx([0.0, 0.01], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("first", "ticks", "unit"),
+    [
+        *(
+            (44634.5, 1 / 86400, "d"),
+            (738594.5, 1 / 86400, "d"),
+            (1.6472e9, 1.0, "s"),
+            (1.6472e12, 1e3, "ms"),
+        ),
+        *((1.6472e18, 1e9, "ns"), (0.0, 1.0, ""), (44634.5, 1.0, ""), (1.6472e9, 1e3, "")),
+    ],
+)
+def test_epoch_of_a_time_column_gives_its_unit(first, ticks, unit):
+    """A count of seconds since an event, or of milliseconds since the start of a computer, has no epoch."""
+    assert unit_by_magnitude(first + ticks * np.arange(0.0, 4.0, 0.005)) == unit
+
+
+def test_seconds_of_a_running_clock_need_a_unit(tmp_path):
+    """A count since an unknown start can have any unit."""
+    for k, run in enumerate(RUNS):
+        t, *values = columns(run)
+        write(tmp_path, f"{k}.csv", "ticks," + BARE.split(",", 1)[1] + table(3e5 + t, *values[:2]))
+    with pytest.raises(AskingError):
+        read_runs(tmp_path)
