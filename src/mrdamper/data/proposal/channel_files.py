@@ -89,9 +89,10 @@ def _runs_of(channels: Sequence[_ChannelFile]) -> dict[str, list[_ChannelFile]]:
         groups: dict[str, list[_ChannelFile]] = {}
         for channel in channels:
             groups.setdefault(way[channel.path], []).append(channel)
-        roles = {run: sorted(channel.role for channel in group) for run, group in groups.items()}
-        runs = {run: group for run, group in groups.items() if len({*roles[run]}) == len(group)}
-        runs = {run: group for run, group in runs.items() if {*roles[run]} >= _NEEDED}
+        runs = {
+            run: group for run, group in groups.items() if len({each.role for each in group}) == len(group)
+        }
+        runs = {run: group for run, group in runs.items() if {each.role for each in group} >= _NEEDED}
         if sum(map(len, runs.values())) > sum(map(len, best.values())):
             best = runs
     return best
@@ -117,17 +118,15 @@ def _channel_of(table: Table, chosen: ChannelMap, path: Path) -> _ChannelFile:
 def _join_channels(parts: Sequence[_ChannelFile]) -> Table:
     """Return one table of the channels; each channel keeps its time column."""
     first = parts[0].table
-    names = distinct_names([part.column for part in parts])
-    columns = {name: part.table.columns[part.column] for name, part in zip(names, parts, strict=True)}
-    units = {name: part.table.units.get(part.column, "") for name, part in zip(names, parts, strict=True)}
+    named = dict(zip(distinct_names([part.column for part in parts]), parts, strict=True))
     whole = replace(
         first,
-        names=(*columns,),
-        columns=columns,
-        units={name: unit for name, unit in units.items() if unit},
+        names=(*named,),
+        columns={name: part.table.columns[part.column] for name, part in named.items()},
+        units={name: part.table.units.get(part.column, "") for name, part in named.items()},
         said=tuple(dict.fromkeys(line for part in parts for line in part.table.said)),
         step_s=None,
-        rows=max(map(len, columns.values())),
+        rows=max(part.table.rows for part in parts),
         layout=replace(first.layout, notes=(*first.layout.notes, f"{len(parts)} files of one channel each")),
     )
-    return with_times(whole, {name: part.times for name, part in zip(names, parts, strict=True)})
+    return with_times(whole, {name: part.times for name, part in named.items()})

@@ -103,7 +103,7 @@ def find_properties(
         return None
     names = found["name"]
     # Whole numbers may be counts. Numbers with an unknown label may then be their factors.
-    are_counts = all(cell.lstrip("+-").isdecimal() for cell in first)
+    are_counts = sum(cell.lstrip("+-").isdecimal() for cell in first) >= min(2, len(names))
     is_unclear = are_counts and any(len(each) == len(names) for each in stated["unknown"])
     if is_unclear if "factor" not in found else any(map(_OTHER_EQUATION.search, lines)):
         return None
@@ -206,17 +206,13 @@ def _by_units(rows: Sequence[Sequence[str]], count: int) -> Iterator[tuple[str, 
         tables.append([(label, [*cells]) for label, cells in zip(labels, columns, strict=False)])
         around.append([*above, *below])
     for table, others in zip(tables, around, strict=True):
-        of_units = [
-            k
-            for k, (_, cells) in enumerate(table)
-            if all(map(is_any_unit, cells)) and any(map(roles_of_unit, cells))
-        ]
-        unit = next(iter(of_units), None)
+        are_units = [all(map(is_any_unit, cells)) and any(map(roles_of_unit, cells)) for _, cells in table]
+        unit = are_units.index(True) if any(are_units) else None
         if unit is None or any(roles_of_unit(row[unit]) for row in others if len(row) > unit):
             continue  # There are more channels in the list than columns.
         yield "unit", table[unit][1]
-        for k, (label, cells) in sorted(enumerate(table), key=lambda each: abs(each[0] - unit)):
-            if k not in of_units and all(map(_is_word, cells)) and len({*cells}) == len(cells):
+        for _, (label, cells) in sorted(enumerate(table), key=lambda each: abs(each[0] - unit)):
+            if all(map(_is_word, cells)) and len({*cells}) == len(cells):
                 yield "name", cells
             elif not label and all(map(_is_number, cells)) and re.search("[.,eE]", "".join(cells)):
                 yield "unknown", cells
