@@ -167,9 +167,7 @@ def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     """
     cells = split_line(lines[first], delimiter)
     bare = [_COMMENT.sub("", line) for line in lines[:first]]
-    table = [_filled(split_line(line, delimiter)) for line in bare]
-    if len(cells) == 1:
-        table = [_PAIR.split(line.strip(), maxsplit=1) for line in bare]
+    table = [_cells_above(line, delimiter, len(cells)) for line in bare]
     stated = find_properties(table, bare, cells)
     if stated is not None:
         said = statements(lines[:first], delimiter)
@@ -229,8 +227,9 @@ def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     )
 
 
-def _filled(cells: list[str]) -> list[str]:
-    """Return the cells of a row without empty cells at the end."""
+def _cells_above(line: str, delimiter: str, count: int) -> list[str]:
+    """Return the cells of a line above ``count`` columns without empty cells at the end."""
+    cells = _PAIR.split(line.strip(), maxsplit=1) if count == 1 else split_line(line, delimiter)
     last = max((k + 1 for k, cell in enumerate(cells) if cell), default=0)
     return cells[:last]
 
