@@ -53,7 +53,7 @@ def join_channel_files(
     for path in files:
         with suppress(InputError, ValueError, IndexError):
             (table,) = read_tables(path, chosen.file)
-            notes = [line for each in documents if each.path.parent in path.parents for line in each.whole]
+            notes = [line for document in documents for line in document.notes(path)]
             channel = _channel_of(explained(table, notes), chosen, path)
             folders.setdefault(path.parent, []).append(channel)
     joined: list[tuple[Path, RigFile]] = []
