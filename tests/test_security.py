@@ -95,7 +95,7 @@ def test_only_listed_modules_open_connections():
     }
     assert found == {
         "jobs/public_data/__init__.py",  # The command ``data fetch`` uses HTTPS with a fixed commit.
-        "jobs/sweep/tasks.py",  # The command ``sweep`` has the option --scheduler.
+        "jobs/sweep/tasks.py",  # The command ``sweep --scheduler`` connects to a Dask cluster.
         "web/server.py",  # The command ``serve`` needs connections.
         "web/security.py",  # This module looks up the name of this computer.
     }

@@ -315,7 +315,7 @@ def test_unknown_dataset_is_rejected():
 
 
 @pytest.mark.nightly
-def test_public_sines_are_fitted_accurately(real_data, tmp_path):
+def test_sine_runs_of_public_data_are_fitted_accurately(real_data, tmp_path):
     """The median error of 20 sines is at most 6.5 %, the largest error 17 % (with current: 8.5 %)."""
     runs = sorted((real_data / "dev").glob("utfsm_sine_*.csv"))
     answer = answer_of(mrdamper("fit", *runs, "--out", tmp_path / "out", "--json"))

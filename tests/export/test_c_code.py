@@ -274,6 +274,6 @@ def test_invalid_export_option_raises(options, message):
         (Actuation(0.008, 0.008, delay_s=0.02, largest_command=2.0), 1e-4, "the dead time of 20 ms"),
     ],
 )
-def test_export_rejects_period_that_contradicts_lags(lags, period_s, message):
+def test_export_rejects_period_unsuitable_for_lags_or_delay(lags, period_s, message):
     with pytest.raises(InputError, match=message):
         target_of(card_of(replace(DOUBLE, actuation=lags)), period_s=period_s)

@@ -302,7 +302,10 @@ def test_saturation_and_wide_loop_of_core_are_identified():
 
 @pytest.mark.nightly
 def test_saturation_with_freewheeling_is_identified():
-    """Saturation deviates by at most 10 %. Cross-validation detects the driver in runs without steps, too."""
+    """The identified saturation deviates by at most 10 %.
+
+    If the type of the driver is unknown, cross-validation finds that the driver has one quadrant.
+    """
     known = Actuation(
         0.005, 0.001, 0.001, 0.001, hysteresis_width_A=0.05, freewheel_time_s=0.05, saturation=0.8
     )

@@ -77,7 +77,11 @@ def test_force_band_of_wrong_model_covers_new_motion() -> None:
 
 
 def test_standard_errors_of_wrong_model_cover_refits() -> None:
-    """Standard errors between motions cover the refitted parameters, errors from residuals do not."""
+    """A refit without some motions changes each parameter by less than three standard errors.
+
+    The standard errors then include the differences between motions. With standard errors from the residuals
+    alone, at least one parameter changes by more.
+    """
     problem, result = fitted("bingham", "dahl", noise=0.01)
     left = refit_without_folds(problem, result)
     assert left is not None

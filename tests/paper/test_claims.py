@@ -20,7 +20,7 @@ from tests.support.campaigns import paper_card
 PREDICTED = [row for row in TABLE if row.origin == "predicted"]
 
 
-def test_only_predicted_claims_accept_verdict():
+def test_verdict_is_required_only_for_predicted_claims():
     with pytest.raises(ValueError, match="origin is calibrated to this value"):
         Row(row=1, claim="x", statement="", why="", origin="calibrated to this value", judged=is_larger)
     with pytest.raises(ValueError, match="origin is predicted, and judged is None"):

@@ -138,7 +138,10 @@ def test_perfect_conductor_warms_by_power_over_conductance():
 
 @pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE, SLENDER]), ids=["paper", "bare", "slender"])
 def test_finite_elements_have_heat_capacity_of_network(drawing: DamperDrawing):
-    """The network adds volumes of annular zones, the finite elements add volumes of mesh elements."""
+    """Both models give the same total heat capacity.
+
+    The network sums it over annular zones, the finite-element model over mesh elements.
+    """
     model = build_field(drawing)
     expected = zone_network(drawing).total_capacity
     assert model.section.heat_capacity == pytest.approx(expected, rel=1e-12)

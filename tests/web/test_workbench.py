@@ -159,7 +159,10 @@ def test_workbench_makes_verified_fmu_from_virtual_runs(browser, tmp_path):
 
 @pytest.fixture(scope="module")
 def many(tmp_path_factory):
-    """Return a folder with a card and 91 runs, seven of them copies, and a client of its server."""
+    """Serve a folder with a card and 91 runs. Yield the folder and a client of the server.
+
+    Seven of the runs are copies.
+    """
     root = tmp_path_factory.mktemp("many") / "damper"
     (root / "runs").mkdir(parents=True)
     for k in range(RUNS):

@@ -68,7 +68,7 @@ EXIT_CODES = (
 _STARTED_S = time.monotonic()
 _PATH = click.Path(path_type=Path)
 _UNIT_METAVARS = {"%": "PERCENT", "": "NUMBER"}  # All other units are written in capital letters.
-SUMMARY_LENGTH_MAX = 60  # A line of the command list has 80 characters.
+SUMMARY_LENGTH_MAX = 60  # A line of the command list has 80 characters, including the command name.
 
 
 def print_message(message: str) -> None:

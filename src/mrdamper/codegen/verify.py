@@ -41,7 +41,7 @@ WARNINGS = (
 DOUBLE_TOLERANCE = 1e-12
 """Relative tolerance in double precision. In single precision, the outputs must be bit-identical."""
 
-STATE_SAMPLE_COUNT = 500  # Outputs from the controller state are compared only at every 500th sample.
+STATE_SAMPLE_COUNT = 500  # Applied command and controller force are compared at every 500th sample only.
 
 
 def verify_c(target: Target, *, samples: int = 100_000, seed: int = 1) -> Verification:

@@ -140,7 +140,7 @@ class Prediction:
 
     steps: int  # number of steps of the horizon, which starts after the dead time
     samples: int  # number of periods over which the computation of one prediction is distributed
-    together: int  # number of periods in an integration step of the hysteresis law during the dead time
+    together: int  # control periods in one step that integrates the hysteresis law over the dead time
     step: float  # [s] length of a step
     stretch: int  # factor on the step length from the fourth step on
     dead: float  # [s] time from now to the start of the horizon

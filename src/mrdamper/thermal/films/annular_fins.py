@@ -76,10 +76,11 @@ def nusselt_annular_fins(rayleigh_gap: ArrayLike, diameter_ratio: float) -> Floa
 
 
 def natural_rim_share(thickness: float, layer: ArrayLike) -> FloatArray:
-    """Return the coefficient of a fin's rim divided by the coefficient of a cylinder.
+    """Return the heat-transfer coefficient of a fin's rim divided by that of a cylinder.
 
-    The cylinder has the outer diameter of the fin. The ratio for still air is 2.5 for a fin of 1 mm, as
-    computed for one size of fin. The ratio approaches 1 for thick fins. The interpolation is an assumption.
+    The cylinder has the outer diameter of the fin, and the air is still. The ratio is 2.5 for a fin with a
+    thickness of 1 mm, as computed for one size of fin. The ratio approaches 1 for thick fins. The formula
+    for other thicknesses is an assumption.
 
     Parameters
     ----------
