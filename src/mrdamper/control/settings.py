@@ -27,7 +27,7 @@ class ControlSettings:
     # Settings of the prediction horizon
     horizon_steps: int = 6
     horizon_ratio: float = 0.8  # The horizon ends when the response to a step has reached this fraction.
-    freewheel_ratio: float = 0.95  # fraction of the current's fall that the horizon covers if the driver cannot force it
+    freewheel_ratio: float = 0.95  # current fall within the horizon / whole fall, for a one-quadrant driver
     freewheel_stretch: int = 3  # length of late time steps / length of early time steps, for such a driver
     step_ratio_min: float = 0.25  # shortest time step of the horizon / time constant of the motion filter
     late_ratio_max: float = 0.5  # limit of the time added by rounding up the dead time / time step

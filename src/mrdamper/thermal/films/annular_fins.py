@@ -76,7 +76,7 @@ def nusselt_annular_fins(rayleigh_gap: ArrayLike, diameter_ratio: float) -> Floa
 
 
 def natural_rim_share(thickness: float, layer: ArrayLike) -> FloatArray:
-    """Return the heat-transfer coefficient of a fin's rim divided by that of a cylinder.
+    """Return the heat-transfer coefficient of a fin's rim divided by the coefficient of a cylinder.
 
     The cylinder has the outer diameter of the fin, and the air is still. The ratio is 2.5 for a fin with a
     thickness of 1 mm, as computed for one size of fin. The ratio approaches 1 for thick fins. The formula
