@@ -294,7 +294,7 @@ def test_commands_of_page_give_shown_output(page, folder, tool):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("page", pages_with("data"))
-def test_page_with_public_data_gives_shown_output(page, folder, tool, real_data, monkeypatch):
+def test_commands_with_public_data_give_shown_output(page, folder, tool, real_data, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder / ".cache"))
     monkeypatch.setenv("HOME", str(folder))
     follow(page, BLOCKS[page], folder, also="data", tool=tool)

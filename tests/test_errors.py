@@ -40,7 +40,7 @@ def test_error_location_is_added_once() -> None:
 
 
 @given(st.fixed_dictionaries(dict.fromkeys(PARTS, TEXTS)))
-def test_error_parts_survive_pickling(parts: dict[str, Any]) -> None:
+def test_pickled_error_keeps_its_parts(parts: dict[str, Any]) -> None:
     fault = MrdamperError(**parts)
     mark = "; " if parts["remedy"][:1].islower() else ". "
     said = (f"{parts['place']}: " if parts["place"] else "") + parts["found"]

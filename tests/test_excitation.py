@@ -148,7 +148,7 @@ def test_sample_at_current_step_has_new_current(samples, rate, count):
 
 
 @pytest.mark.system
-def test_road_has_power_of_its_class():
+def test_road_profile_has_spectrum_of_its_class():
     """At high wavenumbers, the power in each octave agrees with the spectrum Gd(n0) (n / n0)^-2."""
     from scipy.signal import periodogram
 

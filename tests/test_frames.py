@@ -62,7 +62,7 @@ TIMES = {
 
 
 @pytest.mark.parametrize("kind", TIMES)
-def test_time_index_of_frame_is_time(kind, runs):
+def test_time_index_of_data_frame_is_time(kind, runs):
     frame = pd.DataFrame(columns(runs[0], time_ms=None)).set_index(TIMES[kind](runs[0]))
     named = frame.rename_axis(None).reset_index(names="when")
     for each in (frame, named):
@@ -70,7 +70,7 @@ def test_time_index_of_frame_is_time(kind, runs):
         np.testing.assert_allclose(read.time, runs[0].time, atol=1e-6)
 
 
-def test_second_column_level_of_frame_is_unit(runs):
+def test_second_level_of_data_frame_columns_is_unit(runs):
     given = columns(runs[0])
     given["force_kN"] = given.pop("Load [kN]")
     frame = pd.DataFrame(given).set_axis(
@@ -81,7 +81,7 @@ def test_second_column_level_of_frame_is_unit(runs):
         np.testing.assert_allclose(read.force, runs[0].force, rtol=1e-9)
 
 
-def test_channels_are_accepted_as_names_or_arrays(runs):
+def test_channels_may_be_column_names_or_arrays(runs):
     run = runs[0]
     bare = pd.DataFrame({"t": run.time, "Pos": 1e3 * run.displacement, "Load": 1e-3 * run.force})
     named = mrdamper.read(

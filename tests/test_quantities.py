@@ -21,12 +21,12 @@ from mrdamper.quantities import QUANTITIES, find_quantity, is_unit, spell_unit, 
         ("mA", "current", constants.milli),
     ],
 )
-def test_unit_has_its_defined_size(unit, role, size):
+def test_unit_is_converted_by_its_defined_factor(unit, role, size):
     assert to_si([0.0, 1.0, -2.5], unit, role) == pytest.approx([0.0, size, -2.5 * size], rel=1e-12)
 
 
 @given(celsius=st.floats(-200.0, 1000.0))
-def test_temperature_scales_agree(celsius):
+def test_temperature_scales_convert_to_equal_kelvin_values(celsius):
     kelvin = constants.convert_temperature(celsius, "Celsius", "Kelvin")
     fahrenheit = constants.convert_temperature(celsius, "Celsius", "Fahrenheit")
     for unit in ("degC", "deg_C", "°C", "C", "Celsius"):

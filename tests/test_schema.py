@@ -67,7 +67,7 @@ def test_written_record_is_read_unchanged(whole):
         assert (one.share is None) == (other.share is None)
 
 
-def test_record_values_are_in_si():
+def test_values_of_record_are_in_si():
     whole = read_record(Whole, {"part": {"length_mm": 60, "ambient_degC": 25}}, "a file")
     assert (whole.part.length, whole.part.ambient) == (0.06, 298.15)
     assert write_record(whole) == {"part": {"length_mm": 60.0, "ambient_degC": 25.0}}
@@ -95,7 +95,7 @@ def test_record_values_are_in_si():
         ),
     ],
 )  # fmt: skip
-def test_record_error_has_location_and_expectation(document, said):
+def test_error_in_record_states_location_and_expectation(document, said):
     with pytest.raises(InputError) as caught:
         read_record(Whole, document, "x")
     lines = str(caught.value).splitlines()

@@ -106,7 +106,7 @@ def test_held_out_temperatures_increase_error_little(preset, law):
 
 
 @pytest.mark.parametrize("law", [SELECTED, PLAIN])
-def test_held_out_chirp_increases_error_little(law):
+def test_error_of_held_out_chirp_is_little_larger(law):
     """The chirp reaches 8 Hz and 150 mm/s, four times the largest speed of the training motions.
 
     The error of the chirp is at most 1.5 times the training error. At the training temperatures, the limit of
@@ -347,7 +347,7 @@ def test_fit_from_one_start_is_fast(law, bar_s, seeds):
 # ---------------------------------------------------------------------- fit to a single motion
 
 
-def test_cost_of_single_motion_fit_equals_errors():
+def test_cost_of_fit_to_single_motion_equals_errors():
     """One motion leaves parameters undetermined, but the fit rejects a friction that is far too large."""
     runs = [run for run in default_campaign("nominal") if "sine5mm1Hz" in run.name]
     model = mrdamper.fit(runs, BETTER, hold_out=("*_060C_*",))

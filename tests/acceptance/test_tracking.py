@@ -233,7 +233,7 @@ def cpu_per_step(job: Callable[[], object], steps: int, bar_s: float) -> float:
     return best
 
 
-def test_controller_step_in_c_takes_microsecond():
+def test_controller_step_in_c_takes_one_microsecond():
     """A step of predictive control with the chain law takes 0.7 to 1.1 us, or 2 us if called from Python."""
     controller, steps = controllers_of("nominal")["recommended"], 5000
     scenario, at = SCENARIOS[UNEVEN], 1e-3 * np.arange(steps)

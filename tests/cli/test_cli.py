@@ -79,7 +79,7 @@ def test_fit_json_has_documented_keys(identified, folder):
     assert identified.stderr == ""
 
 
-def test_last_line_prints_wall_time(repeated):
+def test_last_output_line_states_wall_time(repeated):
     """The printed time excludes the start of the Python interpreter."""
     text, elapsed = repeated
     printed = float(re.findall(r"^Wrote .* \(([\d.]+) s\)\.$", text, re.MULTILINE)[0])
@@ -111,7 +111,7 @@ def test_linear_algebra_uses_one_thread():
         assert int(told.split()[-1]) == threads
 
 
-def test_commands_accept_closed_streams_and_invalid_utf8(folder, tmp_path):
+def test_commands_work_with_closed_streams_and_invalid_utf8(folder, tmp_path):
     place = tmp_path / "odd"
     place.mkdir()
     source = next((folder / "runs").glob("*.csv"))
@@ -148,7 +148,7 @@ def test_evaluate_reproduces_errors_of_fit_runs(identified, folder):
         assert row["rmse_N"] == pytest.approx(given[row["name"]]["rmse_N"], rel=1e-6)
 
 
-def test_simulated_motion_text_agrees_with_python(identified, folder):
+def test_simulate_command_agrees_with_python(identified, folder):
     card = folder / "out" / "card.json"
     answer = answer_of(mrdamper("simulate", card, "sine:5mm:1Hz:1V:2s", "--json"))
     force = simulate(read_card(card), "sine:5mm:1Hz:1V:2s").force
@@ -246,14 +246,14 @@ def test_unmatched_hold_out_pattern_is_rejected(folder, tmp_path):
 
 
 @pytest.mark.nightly
-def test_flip_force_accepts_runs_with_wrong_sign(tmp_path):
+def test_flip_force_option_corrects_sign_of_runs(tmp_path):
     place = spoiled(tmp_path, "runs", changed("force_N", lambda f: -f), every=True)
     arguments = ("fit", place, "--out", tmp_path / "out", "--law", "dahl", "--term", "none", "--json")
     assert mrdamper(*arguments).returncode == 3
     assert mrdamper(*arguments, "--flip-force").returncode == 0
 
 
-def test_single_current_is_accepted_with_option(tmp_path, folder):
+def test_runs_at_single_current_are_fitted_with_option(tmp_path, folder):
     runs = [str(path) for path in sorted((folder / "runs").glob("*_1.50V_*.csv"))]
     arguments = ("fit", *runs, "--out", tmp_path / "out", "--law", "dahl", "--term", "none", "--json")
     assert mrdamper(*arguments).returncode == 3

@@ -76,7 +76,7 @@ def test_stuck_thermometer_is_flagged_after_5_kelvin_rise(single):
     assert (flags[round(first(flags) / PERIOD) :] & FROZEN).all()
 
 
-def test_controller_and_model_detect_stuck_thermometer_together():
+def test_controller_and_model_flag_stuck_thermometer_simultaneously():
     """A controller and the damper model raise the flag at the same time within 5 %."""
     made = controllers_for(DOUBLE, period_s=PERIOD, heating=WHOLE)["recommended"]
     t = PERIOD * np.arange(round(75.0 / PERIOD))
@@ -157,7 +157,7 @@ def test_coarse_temperature_reading_is_valid(fins, step_K):
 
 
 @pytest.mark.parametrize("wrong", [0.7, 1.4])
-def test_wrong_assumed_heat_loss_raises_no_alarm(wrong):
+def test_wrong_assumed_heat_loss_sets_no_flag(wrong):
     """In thermal balance, the reading is constant for 15 min. The assumed loss is wrong by 30 to 40 %."""
     kelvin = float(warming(PAPER, 5400.0, 1.0)[-1])
     made = model(replace(WHOLE, loss_W_K=wrong * WHOLE.loss_W_K))

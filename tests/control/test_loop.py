@@ -93,7 +93,7 @@ def test_plant_lag_delays_rising_force():
 # --- Sensor readings ----------------------------------------------------------------------------------------
 
 
-def test_controller_gets_present_and_previewed_target():
+def test_controller_receives_present_and_future_target():
     run_loop(Ideal(), Recording(preview_s=0.016), SHORT)
     time = 1e-3 * np.arange(1000)
     wanted = np.array([(w.now, w.ahead) for w, _ in LAST])

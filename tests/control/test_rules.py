@@ -135,7 +135,7 @@ def test_safety_times_are_converted_to_sample_counts():
     assert warm.hold_samples == round(600.0 / 2e-3)  # The time is the heat capacity divided by the heat loss.
 
 
-def test_slow_bus_sensor_counts_as_stuck_later():
+def test_sensor_on_slow_bus_counts_as_stuck_later():
     """A sensor that repeats its readings for 40 ms by design counts as stuck after 2.5 times 40 ms."""
     slow = controllers_for(DOUBLE, displacement_period_s=0.04)["recommended"]
     assert slow.config.faults.frozen_samples == 100

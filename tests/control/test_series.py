@@ -149,7 +149,7 @@ def test_realtime_series_valve_dissipates_work(amperes: float) -> None:
 
 
 @pytest.mark.parametrize("name", ["recommended", "recommended-causal", "pi"])
-def test_single_precision_changes_command_below_milliampere(name: str) -> None:
+def test_single_precision_changes_command_by_less_than_milliampere(name: str) -> None:
     made = ALL[name]
     rows = motion_rows(made, 3.0, amplitude=700.0, kelvin=KELVIN)
     rows[:, 4] = 0.8 * rows[:, 0]

@@ -151,7 +151,7 @@ def relative(found, expected) -> float:
         ("tanh", 1e-14),
     ],
 )
-def test_law_matches_adaptive_integrator(name, tolerance, rate):
+def test_law_force_matches_adaptive_integrator(name, tolerance, rate):
     """The reference integrates the same interpolated motion with LSODA.
 
     The kernel solves these laws without an integration step, so the error does not depend on the sample rate.
@@ -166,7 +166,7 @@ def test_law_matches_adaptive_integrator(name, tolerance, rate):
     ("name", "tolerance"),
     [("bouc-wen", 2e-5), ("bouc-wen-saturating", 2e-5), ("tanh", 2e-5), ("lugre", 5e-5), ("spencer", 1e-4)],
 )
-def test_law_with_varying_command_matches_integrator(name, tolerance):
+def test_law_force_with_varying_command_matches_integrator(name, tolerance):
     """Kernel and integrator agree if the coefficient rho is an exponential function of the current.
 
     The kernel uses the mean of rho over a sample interval, which has order two. The error is 7e-6 of the peak
@@ -272,7 +272,7 @@ def test_sliding_lugre_follows_stribeck_curve(speed):
 
 
 @pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
-def test_force_at_rest_follows_yield_force_partly(share):
+def test_force_at_rest_follows_fraction_of_yield_force(share):
     """At rest, the force contains only a fraction of a yield-force change. Sliding adds the remainder."""
     time = np.arange(3001) * 1e-3
     x = 0.01 * np.clip(time, 0.0, 1.0) + 0.01 * np.clip(time - 2.0, 0.0, 1.0)
@@ -461,7 +461,7 @@ PASSIVE = {
 @given(
     data=st.data(), motion=sines, viscosity=positive, stiffness=positive, coulomb=positive, breakaway=positive
 )
-def test_any_coefficients_dissipate_work_per_cycle(
+def test_law_with_any_coefficients_dissipates_work_per_cycle(
     name, data, motion, viscosity, stiffness, coulomb, breakaway
 ):
     """In a closed cycle, a damper with any admissible coefficients dissipates energy.
@@ -639,7 +639,7 @@ def test_series_valve_with_rigid_spring_equals_valve(rigid):
 
 
 @every_law
-def test_causal_simulation_matches_whole_record(name):
+def test_causal_simulation_matches_simulation_of_whole_record(name):
     """The causal simulation has an error of 1e-15 of the peak force.
 
     A reversal is the extremum of the cubic between two samples, which does not require later samples.

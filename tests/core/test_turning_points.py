@@ -30,6 +30,6 @@ levels = st.lists(st.integers(-4, 4), min_size=2, max_size=60)
 
 
 @given(levels=levels, dead_band=st.sampled_from([0.0, 0.5, 1.0, 2.5]))
-def test_turning_points_match_plain_loop(levels: list[int], dead_band: float) -> None:
+def test_turning_points_match_simple_python_loop(levels: list[int], dead_band: float) -> None:
     x = np.array(levels, dtype=np.float64)
     assert turning_points(x, dead_band).tolist() == slowly(x, dead_band)

@@ -41,7 +41,7 @@ def replay(folder, tool):
 
 
 @pytest.mark.system
-def test_cortex_compiler_accepts_double_precision(tool, tmp_path):
+def test_double_precision_export_compiles_for_cortex(tool, tmp_path):
     place = write(a_target(precision="double"), tmp_path)
     ran(tool("arm-none-eabi-gcc"), *CORTEX, *STRICT, "-c", "damper.c", "damper_tables.c", cwd=place)
 

@@ -29,7 +29,7 @@ def folder(tmp_path_factory) -> Path:
     return write(target, tmp_path_factory.mktemp("example") / "out")
 
 
-def test_cortex_example_runs_at_kilohertz(folder, tool, tmp_path):
+def test_cortex_example_runs_at_one_kilohertz(folder, tool, tmp_path):
     """The program on the simulated board completes every step in time. Its outputs are correct.
 
     A timer interrupts the program every millisecond. QEMU executes 31 million instructions per second.

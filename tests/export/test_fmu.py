@@ -546,7 +546,7 @@ int main(void)
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("precision", one_by_day(["float", "double"]))
-def test_sanitizers_accept_fmu_wrapper(tmp_path, card, tool, precision):
+def test_sanitizers_find_no_error_in_fmu_wrapper(tmp_path, card, tool, precision):
     """Extreme inputs to 2000 FMU instances cause no memory leak, invalid access or undefined conversion."""
     write_sources(target_of(card, precision=precision), tmp_path)
     (tmp_path / "lives.c").write_text(LIVES, encoding="ascii")

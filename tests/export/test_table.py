@@ -59,7 +59,7 @@ def test_force_map_equals_force_at_mid_stroke(made, i, j, k):
 
 
 @pytest.mark.parametrize(("i", "j"), [(0, 0), (5, 8)])
-def test_branches_of_force_map_equal_fastest_sine(made, i, j):
+def test_branches_of_force_map_equal_loop_of_sine(made, i, j):
     v, force = sine(DAMPERS["bouc-wen"], FASTEST, float(made.command[j]), float(made.temperature[i]))
     half = len(v) // 2
     downwards, upwards = slice(0, half + 1), slice(half, None)
@@ -70,14 +70,14 @@ def test_branches_of_force_map_equal_fastest_sine(made, i, j):
         assert np.abs(branch[i, j] - expected).max() < 2e-3 * peak
 
 
-def test_branches_of_force_map_meet_at_ends(made):
+def test_branches_of_force_map_meet_at_largest_velocity(made):
     assert np.allclose(made.rising[..., -1], made.falling[..., -1], rtol=1e-6)
     assert np.allclose(made.rising[..., 0], made.falling[..., 0], rtol=1e-6)
     inside = slice(6, -6)
     assert (made.falling[..., inside] - made.rising[..., inside]).max() > 100.0
 
 
-def test_damper_without_hysteresis_has_equal_branches():
+def test_force_map_without_hysteresis_has_equal_branches():
     """The force of Bingham's law without stiffness, mass and friction depends only on velocity."""
     forms: dict[str, ParameterLaw] = {
         "viscosity": Constant(1500.0),
@@ -93,7 +93,7 @@ def test_damper_without_hysteresis_has_equal_branches():
     assert made.temperature.tolist() == [293.15]
 
 
-def test_map_force_varies_with_current_and_temperature(made):
+def test_force_in_map_varies_with_current_and_temperature(made):
     fast = made.pick[..., -1]
     assert (np.diff(fast, axis=1) > 0.0).all()
     assert (np.diff(fast, axis=0) < 0.0).all()
@@ -121,7 +121,7 @@ def test_force_map_file_contains_every_point(made):
 
 
 @pytest.mark.system
-def test_force_map_supports_volts():
+def test_force_map_may_have_command_in_volts():
     card = card_of(replace(DOUBLE, command_unit="V"))
     assert "voltage_V" in force_map(card).as_csv()
 

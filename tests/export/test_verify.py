@@ -67,7 +67,7 @@ def test_exported_controller_equals_python(controller):
     [{"period_s": 5e-3}, {"period_s": 1e-4}, {"content": "model", "precision": "double"}],
     ids=["slow", "fast", "double"],
 )
-def test_exports_with_other_periods_equal_python(target):
+def test_exports_with_other_sampling_periods_equal_python(target):
     assert_same_bits(a_target(**target))
 
 
@@ -77,7 +77,7 @@ def test_export_in_volts_equals_python():
 
 
 @pytest.mark.nightly
-def test_verification_inputs_raise_all_sensor_flags():
+def test_verification_inputs_set_all_sensor_flags():
     """The inputs of a verification with the default number of samples contain every kind of fault."""
     record = assert_same_bits(a_target(), 100_000)
     both = {
@@ -88,7 +88,7 @@ def test_verification_inputs_raise_all_sensor_flags():
     assert both | {"NO_TARGET", "INFEASIBLE"} <= set(record.flags_raised["controller"])
 
 
-def test_verification_raises_stuck_thermometer_flag():
+def test_verification_inputs_set_stuck_thermometer_flag():
     """A light damper under a high load warms quickly, but its temperature reading is constant."""
     light = Heating(capacity_J_K=2.0, loss_W_K=0.01, resistance_20_ohm=5.0)
     record = assert_same_bits(target_of(card_of(DOUBLE), heating=light), 3 * SHORT)

@@ -123,7 +123,7 @@ def test_identified_lags_are_exact_without_noise(name):
     assert result.rmse_N < 0.05 * result.unlagged_rmse_N
 
 
-def test_identified_lags_ignore_force_errors_of_law():
+def test_force_errors_of_law_leave_identified_lags_unchanged():
     """The lags stay the same if the law has 20 % too much yield force and an offset error of 50 N."""
     yield_force = LAW.coefficients["yield_force"]
     assert isinstance(yield_force, Polynomial)
@@ -177,7 +177,7 @@ def test_response_times_are_found_from_random_current():
 
 
 @pytest.mark.nightly
-def test_immediate_fraction_of_force_is_identified():
+def test_force_fraction_that_follows_current_immediately_is_identified():
     """Half of the bristle force follows the current immediately.
 
     The fit finds this from two initial values.

@@ -30,7 +30,7 @@ def remarks(result: SearchResult, runs: Sequence[PreparedRun]) -> tuple[str, ...
     return assess(fitted).words
 
 
-def test_error_of_reference_damper_is_noise() -> None:
+def test_error_of_reference_damper_equals_noise() -> None:
     runs = simulate_runs(REFERENCE_DAMPERS[LAW], noise=0.05, seed=1)
     assert np.median([score_run(REFERENCE_DAMPERS[LAW], run).nrmse_percent for run in runs]) == pytest.approx(
         5.0, rel=0.03
@@ -108,7 +108,7 @@ def bingham(**values: float | Polynomial) -> Damper:
     )
 
 
-def test_passivity_number_equals_analytical_values() -> None:
+def test_passivity_number_of_simple_dampers_equals_formula() -> None:
     """The force loop of a viscous damper is an ellipse with pi/4 of the area of the enclosing rectangle.
 
     The passivity number is the dissipated energy divided by the area of the rectangle. A spring, a mass and
@@ -155,7 +155,7 @@ def said(result: SearchResult, problem: FitProblem, word: str) -> list[str]:
     return [each for each in remarks(result, problem.runs) if word in each]
 
 
-def test_notes_report_interruption_but_no_passive_damper(truth) -> None:
+def test_notes_report_interrupted_fit_but_not_passive_damper(truth) -> None:
     problem, result = truth
     assert said(result, problem, "not passive") == said(result, problem, "interrupted") == []
     assert len(said(replace(result, cancelled=True), problem, "The fit was interrupted")) == 1

@@ -54,7 +54,7 @@ def fitted(law: str, truth: str, noise: float) -> tuple[FitProblem, SearchResult
     return problem, fit_variable_projection(problem, starts=1)
 
 
-def test_expected_error_of_correct_model_is_noise() -> None:
+def test_expected_error_of_correct_model_equals_noise() -> None:
     problem, result = fitted("dahl", "dahl", noise=0.02)
     left = refit_without_folds(problem, result)
     assert left is not None
@@ -76,7 +76,7 @@ def test_force_band_of_wrong_model_covers_new_motion() -> None:
     assert narrow.coverage(force[500:], truth[500:]) < 0.8
 
 
-def test_standard_errors_of_wrong_model_cover_refits() -> None:
+def test_standard_errors_of_wrong_model_cover_refitted_parameters() -> None:
     """A refit without some motions changes each parameter by less than three standard errors.
 
     The standard errors then include the differences between motions. With standard errors from the residuals
@@ -116,7 +116,7 @@ def test_force_band_widens_away_from_fitted_motions() -> None:
     assert card_from_json(card_to_json(card(force_band=band))).force_band == band
 
 
-def test_fit_to_all_motions_beats_refits() -> None:
+def test_fit_to_all_motions_is_better_than_refits() -> None:
     """If the law is wrong, each motion requires different parameters.
 
     The fit to all motions then has a smaller expected error than refits without a motion. With the correct

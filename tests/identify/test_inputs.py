@@ -41,7 +41,7 @@ def data_of(*, force: float = 1.0, noise_A: float = 0.0) -> FitData:
 # Noise on the current
 
 
-def test_noisy_current_is_fitted_as_constant():
+def test_current_with_noise_counts_as_constant_current():
     found = fitting.fit_law(data_of(noise_A=0.03), "bouc-wen")
     assert found.actuation is None
     assert max(error.nrmse_percent for error in fitting.assess(found).runs) < 2.0
@@ -62,7 +62,7 @@ def test_fit_error_is_independent_of_force_size(law):
 # Recognition of the fitted runs
 
 
-def test_fit_and_card_report_equal_errors():
+def test_fit_result_and_card_give_equal_errors():
     """Fit and card recognise their training runs. A training run with changed force counts as held out."""
     found = fitting.fit_law(data_of(), find_law("dahl"))
     runs = list(raw())

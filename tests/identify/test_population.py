@@ -35,7 +35,7 @@ def test_genetic_algorithm_minimises_simulation_error(problem: FitProblem) -> No
         assert cost == pytest.approx(np.mean([e.nrmse_percent**2 for e in errors]), rel=1e-9)
 
 
-def test_genetic_algorithm_does_not_beat_variable_projection(problem: FitProblem) -> None:
+def test_genetic_algorithm_is_not_better_than_variable_projection(problem: FitProblem) -> None:
     told: list[float] = []
     generations = 25
 

@@ -73,7 +73,7 @@ def test_gram_matrices_match_central_differences() -> None:
 
 
 @pytest.mark.parametrize("tangents", [True, False])
-def test_elimination_without_noise_recovers_linear_parameters(tangents: bool) -> None:
+def test_variable_projection_without_noise_recovers_linear_parameters(tangents: bool) -> None:
     """Elimination reduces the cost to rounding errors, even from values that are 1000 times too large."""
     objective = objective_of(noise=0.0)
     nonlinear, linear = values_of(objective, DAMPER)
@@ -82,7 +82,7 @@ def test_elimination_without_noise_recovers_linear_parameters(tangents: bool) ->
     np.testing.assert_allclose(result.linear, linear, rtol=1e-4, atol=0.02)
 
 
-def test_eliminated_parameters_minimise_cost() -> None:
+def test_linear_parameters_of_variable_projection_minimise_cost() -> None:
     """For given nonlinear parameters, a change of any linear parameter increases the cost."""
     objective = objective_of()
     nonlinear = np.array([[1800.0, -0.5, 1.4]])

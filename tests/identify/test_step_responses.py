@@ -90,7 +90,7 @@ def test_step_response_equals_known_current_lag(bend_N, hysteresis_N):
         assert len(set(direction.tolist())) == 1
 
 
-def test_response_size_is_force_difference_between_levels():
+def test_size_of_step_response_is_force_difference():
     run, _ = blended_run()
     for response in measure(run).responses:
         number = response.window.start // HOLD_SAMPLES

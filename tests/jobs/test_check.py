@@ -54,7 +54,7 @@ def test_check_of_correct_runs_gives_exit_code_0(folder):
     ]  # fmt: skip
 
 
-def test_file_named_by_two_paths_is_one_run(folder):
+def test_file_given_by_two_paths_is_one_run(folder):
     """A relative path, a path through another folder and a link to one file give a single run."""
     file = folder / "spoilt" / "shifted.csv"
     link = folder / "link.csv"
@@ -107,7 +107,7 @@ def test_faulty_run_gives_exit_code_5(spoilt):
     assert "clipped" in row["findings"]
 
 
-def test_check_files_agree_with_json(spoilt, folder):
+def test_files_written_by_check_agree_with_json(spoilt, folder):
     answer = json.loads(spoilt.stdout)
     assert sorted(path.name for path in (folder / "out").iterdir()) == [
         "check.html", "check.json", "findings.csv",

@@ -31,7 +31,7 @@ def test_comparison_page_escapes_card_names():
     assert "the temperature factor of yield_force is assumed" in page.lower()
 
 
-def test_compare_prints_and_writes_same_answer(tmp_path):
+def test_compare_prints_and_writes_same_result(tmp_path):
     write_card(a_card(a_damper()), tmp_path / "new.json")
     write_card(a_card(a_damper(0.9)), tmp_path / "worn.json")
     cards = (tmp_path / "new.json", tmp_path / "worn.json")
@@ -56,7 +56,7 @@ def test_compare_rejects_cards_with_different_units(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_equally_named_cards_are_named_by_folder(tmp_path):
+def test_cards_with_equal_names_are_distinguished_by_folder(tmp_path):
     for folder in ("before", "after"):
         (tmp_path / folder).mkdir()
         write_card(a_card(a_damper()), tmp_path / folder / "card.json")

@@ -49,7 +49,7 @@ def test_runs_outside_envelope_are_noted(card):
     assert "displacement" in note
 
 
-def test_flip_force_applies_to_objects_and_files(card, tmp_path):
+def test_flip_force_option_reverses_objects_and_files(card, tmp_path):
     write_csv(tmp_path / "file.csv")
     given = run_of(card)
     plain = read_dataset([given, tmp_path / "file.csv"])

@@ -56,7 +56,7 @@ def made(folder, tool):
     return mrdamper("export", folder / "card.json", *places, "--json")
 
 
-def test_export_answer_names_files_and_verification(made, folder):
+def test_json_output_of_export_states_files_and_verification(made, folder):
     answer = answer_of(made)
     assert made.stderr == ""
     assert answer["controller"] == "recommended"
@@ -114,7 +114,7 @@ def test_export_uses_heat_capacity_of_geometry_file(folder, tmp_path, tool):
 
 
 @pytest.mark.parametrize("law", one_by_day(["double-bouc-wen", "chain"]))
-def test_card_of_one_current_exports_only_model(law, tmp_path, tool):
+def test_card_of_single_current_exports_only_model(law, tmp_path, tool):
     """If the current does not change the force, a model can be exported, but no controller."""
     tool("cc")
     damper = passive({**DAMPERS, "chain": CHAIN}[law])

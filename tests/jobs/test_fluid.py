@@ -82,13 +82,13 @@ def test_fluid_file_contains_fitted_laws(fitted, folder):
     assert any("those of 'viscosity': viscosity, density" in note for note in again["notes"])
 
 
-def test_flux_density_and_field_give_same_law(fitted, folder):
+def test_flux_density_and_field_strength_give_same_law(fitted, folder):
     by_flux = answer_of(fitted)["yield_stress"]["numbers"]["saturation_Pa"]
     by_field = fluid([folder / "strength.csv"])["yield_stress"]["numbers"]["saturation_Pa"]
     assert by_field["value"] == pytest.approx(by_flux["value"], rel=1e-6)
 
 
-def test_iron_fraction_is_copied_from_similar_fluid(folder):
+def test_iron_fraction_is_taken_from_option_like(folder):
     (folder / "iron.toml").write_text('like = "paper"\n[properties]\nparticle_fraction = 0.22\n')
     given = fluid([folder / "yield.csv"], like=folder / "iron.toml")
     assert given["particle_fraction"] == 0.22

@@ -65,7 +65,7 @@ def changed(folder: Path, old: str, new: str, name: str = "changed.toml") -> Pat
 
 
 @pytest.mark.nightly
-def test_fitted_card_heats_as_in_paper():
+def test_heating_with_fitted_card_agrees_with_paper():
     """Temperatures agree with the paper within 0.5 K, losses of force within 0.3 percentage points."""
     card, drawing = paper_card(), read_drawing(PAPER_DRAWING)
     run = heat(card, drawing, read_duty("sine:15mm:1Hz:2A:2100s"), HeatOptions(past_limit=True))
@@ -140,7 +140,7 @@ def test_fins_in_figure_are_to_scale(folder):
     assert tall / length == pytest.approx(92.0 / 200.0, abs=2e-3)
 
 
-def test_sink_option_replaces_sink_of_geometry(folder):
+def test_option_sink_replaces_heat_sink_of_geometry_file(folder):
     sink = folder / "sink.toml"
     sink.write_text("[sink]\nfins = 2\nwidth_mm = 10\nthickness_mm = 2\npitch_mm = 30\n", encoding="utf-8")
     found = heating(folder / "card.json", PAPER_DRAWING, sink=sink)
@@ -201,7 +201,7 @@ def test_damper_at_rest_has_no_force_loss(folder):
 
 
 @pytest.mark.nightly
-def test_repeated_heating_gives_identical_page(folder):
+def test_repeated_heating_simulation_gives_identical_page(folder):
     for name in ("one", "two"):
         heating(folder / "card.json", PAPER_DRAWING, out=folder / name)
     one, two = ((folder / name / "heat.html").read_bytes() for name in ("one", "two"))
@@ -254,7 +254,7 @@ def calibrated(folder, astray) -> Any:
 
 
 @pytest.mark.nightly
-def test_first_minutes_predict_final_temperature(calibrated, answer, astray):
+def test_first_minutes_of_heating_curve_predict_final_temperature(calibrated, answer, astray):
     """Calibration with 8 min of data narrows the interval to a fifth. The prediction is within 2 K."""
     width = {}
     for name, found in (("drawing", answer), ("curve", calibrated)):

@@ -43,7 +43,7 @@ def answer(folder) -> Any:
     return search(folder / "card.json", PAPER_DRAWING, options=options, out=folder / "out")
 
 
-def test_heat_sink_front_is_ordered_by_mass(answer):
+def test_heat_sink_pareto_front_is_ordered_by_mass(answer):
     front = answer["front"]
     masses, degrees = ([each[key] for each in front] for key in ("mass_kg", "temperature_degC"))
     assert masses == sorted(masses)
@@ -63,14 +63,14 @@ def test_best_heat_sink_is_cooler_and_lighter():
     assert run.lightest.fluid <= run.reference.fluid
 
 
-def test_heat_sink_answer_repeats_study_of_paper(answer):
+def test_heat_sink_result_contains_study_of_paper(answer):
     study = answer["study"]
     assert [round(1e3 * row["width_m"]) for row in study["width"]] == [18, 23, 28, 33]
     assert [row["fins"] for row in study["fins"]] == [3, 4, 5]
     assert study["follows_paper"] == {"width": True, "fins": True}
 
 
-def test_heat_sink_page_shows_front_and_sweeps(answer, folder):
+def test_heat_sink_page_shows_pareto_front_and_sweeps(answer, folder):
     page = (folder / "out" / "heatsink.html").read_text(encoding="utf-8")
     pictures = re.findall(r"<svg.*?</svg>", page, flags=re.DOTALL)
     labels = [re.search(r'aria-label="([^"]*)"', picture) for picture in pictures]
@@ -93,7 +93,7 @@ def test_best_sink_file_gives_same_temperature(answer, folder):
     assert found["curve"]["fluid_degC"][-1] == pytest.approx(answer["best"]["temperature_degC"], abs=1e-3)
 
 
-def test_terminal_lists_reference_and_coolest_sink(folder):
+def test_terminal_lists_reference_and_coolest_heat_sink(folder):
     thick = changed(folder, *TWO_MM, name="thick.toml")
     run = mrdamper("heatsink", folder / "card.json", "--damper", thick, "--span-mm", 30, "--network-only")
     assert run.returncode == 0, run.stderr
@@ -114,7 +114,7 @@ def test_sink_search_compares_with_bare_damper(folder):
 
 
 @pytest.mark.nightly
-def test_short_damper_omits_sweeps_of_paper(folder):
+def test_sweeps_of_paper_are_omitted_for_short_damper(folder):
     short = changed(folder, "length_mm = 200", "length_mm = 82")
     short.write_text(short.read_text(encoding="utf-8").replace("pitch_mm = 20", "pitch_mm = 10", 1), "utf-8")
     options = HeatsinkOptions(span_mm=40.0, by_field=False)
@@ -124,6 +124,6 @@ def test_short_damper_omits_sweeps_of_paper(folder):
 
 
 @pytest.mark.nightly
-def test_note_reports_load_too_hot_for_sinks(folder):
+def test_note_reports_load_too_large_for_heat_sinks(folder):
     found: Any = search(folder / "card.json", PAPER_DRAWING, duty="sine:15mm:2Hz:2A:4500s")
     assert any("no sink keeps the fluid below its limit" in note for note in found["notes"])

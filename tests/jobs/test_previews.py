@@ -155,7 +155,7 @@ def written(folder, *headers):
     return write_map(read_files([folder]))
 
 
-def test_written_channel_map_has_common_entries(tmp_path):
+def test_written_channel_map_contains_entries_common_to_files(tmp_path):
     same = "time_s,displacement_mm,force_kN,current_A"
     found = written(tmp_path, same, "time_s,stroke_mm,force_kN,current_A")
     assert set(found.document["channel"]) == {"time", "force", "current"}
@@ -179,7 +179,7 @@ def test_written_channel_map_can_be_read(tmp_path):
 # ------------------------------------------------------------------------------------------- heating
 
 
-def test_heating_preview_agrees_with_heat(tmp_path):
+def test_heating_preview_agrees_with_heat_command(tmp_path):
     """The page updates this preview while a user changes values."""
     card = write_card_of(tmp_path / "card.json")
     quick = QuickHeat()

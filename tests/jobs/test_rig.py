@@ -50,7 +50,7 @@ def run_rig(folder):
     return run
 
 
-def test_rig_answer_names_runs_and_held_out(answer):
+def test_json_output_of_rig_marks_held_out_runs(answer):
     assert [run["name"] for run in answer["runs"]] == [
         "hard_020C_0.00A_sine5mm1Hz", "hard_020C_2.00A_sine5mm1Hz", "hard_020C_0-2A_steps",
         "hard_060C_0.00A_sine5mm1Hz", "hard_060C_2.00A_sine5mm1Hz", "hard_060C_0-2A_steps",

@@ -231,7 +231,7 @@ def test_sweep_tasks_have_reproducible_seeds(card: Path):
     assert not set(first) & set(other)
 
 
-def test_sweep_accepts_exactly_one_kind(card: Path, tmp_path: Path):
+def test_sweep_requires_exactly_one_kind_of_input(card: Path, tmp_path: Path):
     """Campaigns, random dampers and geometry files exclude each other."""
     duty = read_duty(DUTY)
     with pytest.raises(UsageError, match="0 kinds of sweep"):

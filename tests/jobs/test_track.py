@@ -174,7 +174,7 @@ def test_tracking_notes_list_missing_parts_of_card(folder):
 
 
 @pytest.mark.parametrize(("force", "noted"), [(1.0, False), (4.0, True)])
-def test_card_of_another_damper_is_noted(folder, force, noted):
+def test_note_reports_card_of_another_damper(folder, force, noted):
     path = write_card_of(folder / "strong.json", rig_damper(force=force))
     notes = track(path, TrackOptions(controllers=("paper",)), targets=[folder / "short.toml"]).notes
     assert any("the card is of another damper" in note for note in notes) == noted

@@ -165,7 +165,7 @@ def response(damper: Damper) -> tuple[Response, Response]:
     return rising, falling
 
 
-def test_linear_force_responds_like_current():
+def test_linear_force_responds_as_fast_as_current():
     """The force completes a fraction of its change in the time delay - tau ln(1 - fraction)."""
     damper = bingham(Actuation(rise_s=0.012, fall_s=0.007, delay_s=0.004), viscosity=Constant(900.0))
     for way, tau in zip(response(damper), (0.012, 0.007), strict=True):
@@ -176,7 +176,7 @@ def test_linear_force_responds_like_current():
             assert times == pytest.approx([0.004 - tau * math.log(1.0 - fraction)] * 2, rel=2e-3)
 
 
-def test_quadratic_force_rises_later_and_falls_sooner():
+def test_quadratic_force_rises_later_than_current():
     """A rising force is proportional to (1 - exp(-t/tau))^2, a falling force to exp(-2 t/tau)."""
     up, down = response(bingham(Actuation(0.01, 0.01), yield_force=Polynomial((0.0, 0.0, 300.0))))
     assert up.force_t63 == pytest.approx(-0.01 * math.log(1.0 - math.sqrt(0.63)), rel=3e-3)

@@ -92,7 +92,7 @@ def test_comparison_divides_parameter_difference_by_standard_error():
     assert (viscosity.first, viscosity.second) == (900.0, 1020.0)
 
 
-def test_force_difference_below_model_errors_is_unclear():
+def test_force_difference_below_model_errors_is_called_unclear():
     """A force difference of 0.5 % is smaller than 100 N, the root sum of squares of two RMS errors."""
     verdict = compared(a_card(a_damper(), rmse=60.0), a_card(a_damper(1.005), rmse=80.0)).verdict
     assert verdict.startswith("No clear difference: ")

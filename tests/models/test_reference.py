@@ -141,7 +141,7 @@ def test_reference_integrator_agrees_with_formula(rho, kappa, n):
     assert np.abs(w).max() <= 1.0 + 1e-10
 
 
-def test_rest_keeps_hysteresis_state():
+def test_hysteresis_state_is_constant_at_rest():
     t = np.arange(0, 0.6, 2e-3)
     there = np.where(t < 0.2, np.cos(2 * np.pi * 5 * t), 1.0)
     again = np.where(t >= 0.4, np.cos(2 * np.pi * 5 * (t - 0.4)), there)

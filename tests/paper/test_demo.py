@@ -66,7 +66,7 @@ def test_quick_demo_takes_limited_time(quick, tmp_path):
     assert min(spent) < 15.0
 
 
-def test_every_claim_of_paper_has_value(quick):
+def test_every_claim_of_paper_has_own_result(quick):
     claims = quick[0]["claims"]
     assert {claim["row"] for claim in claims} == set(range(1, ROW_COUNT + 1))
     names = [claim["claim"] for claim in claims]
@@ -86,7 +86,7 @@ def test_only_predicted_claims_have_verdicts(quick):
     assert {claim["row"] for claim in claims if claim["contradiction"]} >= {4, 6, 14, 16, 19, 22, 31}
 
 
-def test_model_and_controller_beat_paper(quick):
+def test_model_and_controller_are_better_than_in_paper(quick):
     answer = quick[0]
     held = {line["law"]: line["summary"]["held_out"]["median_nrmse_percent"] for line in answer["laws"]}
     assert held["double-bouc-wen"] < 0.5 * held["bouc-wen"]

@@ -57,7 +57,7 @@ def test_terminal_report_and_page_show_same_cells():
         assert any(name in line and (error or "-") in line for line in lines)
 
 
-def test_terminal_table_omits_column_and_adapts_units():
+def test_terminal_table_omits_column_that_page_shows():
     assert not any("degC" in line for line in printed(a_table()))
     assert "<small>°C</small>" in rendered(a_table())
     assert [column["unit"] for column in a_table().web_json()["columns"]] == ["", "N", "°C"]

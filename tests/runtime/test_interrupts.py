@@ -124,7 +124,7 @@ def signal_handlers():
 
 
 @pytest.mark.usefixtures("signal_handlers")
-def test_innermost_interrupt_handler_receives_signal():
+def test_innermost_interrupt_handler_handles_signal():
     """At the end of a ``with on_interrupt`` block, the previous signal handlers are restored."""
     seen: list[str] = []
     with on_interrupt(lambda: seen.append("outer")):
@@ -159,7 +159,7 @@ def test_interrupt_during_schema_build_is_raised(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.usefixtures("signal_handlers")
-def test_interrupt_while_moving_files_moves_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_interrupted_job_finishes_move_of_all_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """The output folder must not contain a mixture of old and new files."""
     replace, moves = Path.replace, list[Path]()
 

@@ -25,13 +25,13 @@ def _slow_first(k: int) -> int:
 
 @pytest.mark.parametrize("threads", [False, True])
 @pytest.mark.parametrize("jobs", [1, 2, 3])
-def test_pool_results_keep_order_of_items(jobs: int, *, threads: bool):
+def test_process_pool_results_keep_order_of_items(jobs: int, *, threads: bool):
     """The order of the results does not depend on the number of processes or threads."""
     assert list(Pool(jobs).map(_slow_first, range(7), threads=threads)) == [k * k for k in range(7)]
 
 
 @FORKS
-def test_nested_pool_work_stays_in_process():
+def test_nested_process_pool_works_in_same_process():
     """A pool runs work in child processes. A pool inside this work runs in the same child process."""
 
     def process(_: int) -> tuple[int, ...]:
@@ -43,7 +43,7 @@ def test_nested_pool_work_stays_in_process():
 
 
 @pytest.mark.parametrize("threads", [False, True])
-def test_pool_raises_error_after_earlier_results(*, threads: bool):
+def test_process_pool_raises_error_after_earlier_results(*, threads: bool):
     """The results before the error are returned. The error keeps its fields, for example ``expected``."""
 
     def work(k: int) -> int:

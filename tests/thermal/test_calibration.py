@@ -174,7 +174,7 @@ def test_implausible_heating_curve_is_rejected(course):
 # ------------------------------------------------------------------------------------------- invalid readings
 
 
-def test_invalid_curve_readings_are_omitted_and_counted():
+def test_invalid_readings_of_heating_curve_are_removed():
     rng = np.random.default_rng(7)
     time = np.sort(rng.uniform(0.0, 1800.0, 200))
     seen = AMBIENT + 100.0 * (1.0 - np.exp(-time / 1500.0)) + 0.2 * rng.standard_normal(200)

@@ -27,7 +27,7 @@ def changed(*pairs: tuple[str, str]) -> str:
     return text
 
 
-def test_geometry_file_is_read_in_si():
+def test_values_of_geometry_file_are_in_si():
     drawing = read_drawing(EXAMPLE)
     assert drawing.body.outer_diameter == pytest.approx(0.046)
     assert drawing.body.bore == pytest.approx(0.036)

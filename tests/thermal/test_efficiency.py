@@ -38,7 +38,7 @@ def test_dissipation_efficiency_peaks_at_paper_sizes(sweeps):
         assert (np.diff([effect.finned for effect in sweep.effects]) < 0.0).all()
 
 
-def test_five_fins_cool_as_paper_reports(sweeps):
+def test_cooling_by_five_fins_agrees_with_paper(sweeps):
     """The paper reports a reduction of 48.23 %.
 
     The limit includes the error of the network (1.4 K of 57 K).

@@ -78,7 +78,7 @@ def test_insulated_finite_elements_warm_by_supplied_heat():
     assert slope == pytest.approx(80.0 / section.heat_capacity, rel=1e-3)
 
 
-def test_heated_tube_has_logarithmic_profile():
+def test_heated_tube_has_logarithmic_temperature_profile():
     """The profile is a parabola in the heated core and a logarithm in the wall, within 1e-6 of the rise."""
     length, inner, middle, outer, k_core, k_wall, film, power = 0.01, 0.004, 0.01, 0.03, 3.0, 5.0, 40.0, 6.0
     regions = (Region("gap", "gap", k_core, k_core, 2e6), Region("wall", "wall", k_wall, k_wall, 3e6))

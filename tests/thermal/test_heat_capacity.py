@@ -46,7 +46,7 @@ def coarse(drawing: DamperDrawing, *, insulated: bool = False) -> FieldModel:
 
 
 @given(st.lists(st.floats(300.0, 2000.0), min_size=3, max_size=3), st.floats(200.0, 500.0))
-def test_heat_capacity_is_slope_of_heat(values: list[float], kelvin: float):
+def test_heat_capacity_is_derivative_of_stored_heat(values: list[float], kelvin: float):
     curve = CapacityCurve(280.0, 400.0, (values[0], 0.2 * (values[1] - values[0]) / 120.0, 1e-3))
     slope = (curve.integral(np.array(kelvin + 1e-3)) - curve.integral(np.array(kelvin - 1e-3))) / 2e-3
     assert float(slope) == pytest.approx(curve.evaluate(kelvin), rel=1e-6)

@@ -80,7 +80,7 @@ def score(base: DamperDrawing, count: int, minutes: float, seed: int, place: Pla
 
 
 @pytest.mark.nightly
-def test_uncalibrated_interval_covers_perturbed_dampers():
+def test_uncalibrated_temperature_interval_covers_perturbed_dampers():
     """At least 85 % of 60 dampers are inside the interval, minus two standard deviations of this fraction.
 
     The interval is at most twice as wide as the scatter of the dampers requires.

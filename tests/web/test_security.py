@@ -122,7 +122,7 @@ def test_other_site_cannot_change_files(folder, ask, headers):
     assert snapshot(folder) == before
 
 
-def test_other_site_may_link_to_page_only(folder, ask):
+def test_other_site_may_only_link_to_page(folder, ask):
     elsewhere = {"sec-fetch-site": "cross-site"}
     assert ask("GET", "/api/state", headers=elsewhere).status == 403
     assert ask("GET", "/", headers=elsewhere).status == 200
@@ -218,7 +218,7 @@ NAMES = [
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_requested_names_stay_inside_folder(folder, ask, name):
+def test_requested_file_names_cannot_leave_folder(folder, ask, name):
     """Decoded names, encoded names, and names in the options of a job use the same check."""
     before = snapshot(folder.parent)
     reads = ["/api/files/{}/look", "/api/inputs/{}", "/api/cards/{}", "/api/cards/one/files/{}",
@@ -252,7 +252,7 @@ def test_requested_names_stay_inside_folder(folder, ask, name):
 
 
 @given(name=st.text(alphabet=st.characters(codec="utf-8"), max_size=12) | st.sampled_from(NAMES))
-def test_new_names_stay_inside_folder(tmp_path_factory, name):
+def test_new_file_names_cannot_leave_folder(tmp_path_factory, name):
     root = tmp_path_factory.getbasetemp() / "names"
     folder = WorkFolder(root)
     try:

@@ -241,7 +241,7 @@ def test_unchecked_run_is_not_marked_good(page):
     page.unroute_all(behavior="ignoreErrors")
 
 
-def test_channels_in_volts_offer_common_gains(site, page):
+def test_common_gains_are_offered_for_channels_in_volts(site, page):
     """The user answers questions for columns and units with buttons, and enters gains in mm/V and kN/V."""
     root, client = site
     a_logger_file(root / "runs" / "raw.txt")
@@ -267,7 +267,7 @@ def test_channels_in_volts_offer_common_gains(site, page):
     assert runs[0]["stroke_mm"] == pytest.approx(10.0, rel=0.02)
 
 
-def test_address_hides_token_and_print_names_files(browser, site):
+def test_address_hides_token_and_printed_page_names_files(browser, site):
     """The token is removed from the address, and a printed page names its folder and files.
 
     The navigation has no scroll bar.

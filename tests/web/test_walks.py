@@ -63,7 +63,7 @@ def test_file_dropped_on_page_is_removed_and_restored(page, site, tmp_path):
 @pytest.mark.parametrize(
     ("file", "offer"), [("ME5mm3Hz.txt", "utfsm logger"), ("ensaio.A.1.mat", "utfpr mat")]
 )
-def test_raw_file_is_mapped_in_three_actions(browser, tmp_path, real_data, file, offer):
+def test_raw_file_channels_are_assigned_in_three_actions(browser, tmp_path, real_data, file, offer):
     """Three clicks (Look, Use, Save) apply a channel map of the package to a raw file.
 
     The page shows the force-displacement loop before the map is saved.
@@ -215,7 +215,7 @@ def test_open_page_recovers_after_power_failure(browser, tmp_path):
     wait_until(lambda: not python_processes_of(root), 8.0)
 
 
-def test_many_tabs_get_fast_answers(browser, site):
+def test_server_answers_many_tabs_quickly(browser, site):
     """All tabs show the progress of the same fit. Cancel and the slowest request take less than 0.5 s."""
     client = site[1]
     job = client.job("fit", card="long", law="chain")
