@@ -108,7 +108,7 @@ def test_quarter_car_example_improves_comfort_and_load():
 
 
 @pytest.mark.nightly
-def test_quarter_car_example_runs_with_given_card(card):
+def test_quarter_car_example_uses_given_card(card):
     """The car example also runs with a card. A larger current reduces the suspension travel."""
     said = said_by("quarter_car.py", card)
     rattle = [float(found) for found in re.findall(r"rattle space ([\d.]+) mm", said)]

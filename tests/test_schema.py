@@ -95,7 +95,7 @@ def test_values_of_record_are_in_si():
         ),
     ],
 )  # fmt: skip
-def test_error_in_record_states_location_and_expectation(document, said):
+def test_record_error_states_location_and_expectation(document, said):
     with pytest.raises(InputError) as caught:
         read_record(Whole, document, "x")
     lines = str(caught.value).splitlines()

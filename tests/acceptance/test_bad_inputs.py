@@ -139,7 +139,7 @@ def test_check_reports_unfittable_run(case: Case, folder, monkeypatch, capfd):
     assert err == ""
 
 
-def test_check_of_valid_run_finds_no_fault(folder, monkeypatch, capfd):
+def test_valid_run_has_no_fault(folder, monkeypatch, capfd):
     """The valid run has no fault, so the faults of the invalid cases are due to their changes."""
     code, out, _, _ = run(monkeypatch, capfd, "check", "good.csv")
     assert code == 0

@@ -253,7 +253,7 @@ def test_flip_force_option_corrects_sign_of_runs(tmp_path):
     assert mrdamper(*arguments, "--flip-force").returncode == 0
 
 
-def test_runs_at_single_current_are_fitted_with_option(tmp_path, folder):
+def test_option_allows_fit_at_single_current(tmp_path, folder):
     runs = [str(path) for path in sorted((folder / "runs").glob("*_1.50V_*.csv"))]
     arguments = ("fit", *runs, "--out", tmp_path / "out", "--law", "dahl", "--term", "none", "--json")
     assert mrdamper(*arguments).returncode == 3
@@ -315,7 +315,7 @@ def test_unknown_dataset_is_rejected():
 
 
 @pytest.mark.nightly
-def test_sine_runs_of_public_data_are_fitted_accurately(real_data, tmp_path):
+def test_public_sine_runs_are_fitted_accurately(real_data, tmp_path):
     """The median error of 20 sines is at most 6.5 %, the largest error 17 % (with current: 8.5 %)."""
     runs = sorted((real_data / "dev").glob("utfsm_sine_*.csv"))
     answer = answer_of(mrdamper("fit", *runs, "--out", tmp_path / "out", "--json"))

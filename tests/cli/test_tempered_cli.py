@@ -89,7 +89,7 @@ def without_temperature(row: dict[str, str]) -> None:
 
 
 @pytest.mark.nightly
-def test_fit_holds_out_runs_that_rig_proposes(measured, identified):
+def test_fit_holds_out_proposed_runs(measured, identified):
     held = {run["name"] for run in measured["runs"] if run["held_out"]}
     assert {run["name"] for run in identified["runs"] if run["split"] == "held_out"} == held
     assert held
@@ -104,7 +104,7 @@ def test_fit_reports_errors_and_temperatures(measured, identified):
         assert 0.0 < run["rmse_N"] < 100.0
 
 
-def test_fit_predicts_force_at_held_out_temperature_accurately(identified):
+def test_fit_is_accurate_at_held_out_temperature(identified):
     def rmse(split: str) -> float:
         rows = [run for run in identified["runs"] if run["split"] == split and run["current_A"] is not None]
         return float(np.sqrt(np.mean([run["rmse_N"] ** 2 for run in rows])))

@@ -256,7 +256,7 @@ def test_nominal_temperature_replaces_missing_temperature():
     assert made.estimate(state).temperature == pytest.approx(363.15)
 
 
-def test_temperature_outside_tables_is_limited_to_table_range():
+def test_temperature_outside_tables_is_limited():
     edge, beyond = (motion_rows(RECOMMENDED, 0.5, kelvin=k) for k in (398.15, 420.0))
     _, current, flags = RECOMMENDED.run(RECOMMENDED.start(), beyond)
     np.testing.assert_allclose(current, RECOMMENDED.run(RECOMMENDED.start(), edge)[1], atol=1e-12)
@@ -301,7 +301,7 @@ def test_missing_force_reading_disables_force_feedback(name):
 
 
 @pytest.mark.parametrize("period", [1e-3, 5e-3])
-def test_preview_time_of_target_equals_prediction_horizon(period):
+def test_preview_time_equals_prediction_horizon(period):
     """An additional command delay lengthens the preview by this delay."""
     made, later = (controllers_for(DOUBLE, period_s=period, extra_delay_s=delay) for delay in (0.0, 0.01))
     expected = horizon_end(made["recommended"].config.prediction)

@@ -22,7 +22,7 @@ def values_of(name: str) -> np.ndarray:
 
 @pytest.mark.parametrize("name", list(LAWS))
 @pytest.mark.parametrize("size", [2, 7, 300])
-def test_simulation_in_batches_gives_force_of_whole_run(name, size):
+def test_simulation_in_batches_equals_whole_run(name, size):
     """The force is bit-identical for any division of the samples into batches."""
     path, law, values = replace(random_drive(5), dead_band=1e-5), LAWS[name].kernel or 0, values_of(name)
     motion, state = np.zeros(core.MOTION_NUMBERS), np.zeros(core.STATE_NUMBERS)

@@ -151,7 +151,7 @@ def relative(found, expected) -> float:
         ("tanh", 1e-14),
     ],
 )
-def test_law_force_matches_adaptive_integrator(name, tolerance, rate):
+def test_law_matches_adaptive_integrator(name, tolerance, rate):
     """The reference integrates the same interpolated motion with LSODA.
 
     The kernel solves these laws without an integration step, so the error does not depend on the sample rate.
@@ -166,7 +166,7 @@ def test_law_force_matches_adaptive_integrator(name, tolerance, rate):
     ("name", "tolerance"),
     [("bouc-wen", 2e-5), ("bouc-wen-saturating", 2e-5), ("tanh", 2e-5), ("lugre", 5e-5), ("spencer", 1e-4)],
 )
-def test_law_force_with_varying_command_matches_integrator(name, tolerance):
+def test_law_with_varying_command_matches_integrator(name, tolerance):
     """Kernel and integrator agree if the coefficient rho is an exponential function of the current.
 
     The kernel uses the mean of rho over a sample interval, which has order two. The error is 7e-6 of the peak
@@ -639,7 +639,7 @@ def test_series_valve_with_rigid_spring_equals_valve(rigid):
 
 
 @every_law
-def test_causal_simulation_matches_simulation_of_whole_record(name):
+def test_causal_simulation_matches_whole_record(name):
     """The causal simulation has an error of 1e-15 of the peak force.
 
     A reversal is the extremum of the cubic between two samples, which does not require later samples.

@@ -121,7 +121,7 @@ def test_force_map_file_contains_every_point(made):
 
 
 @pytest.mark.system
-def test_force_map_may_have_command_in_volts():
+def test_force_map_command_may_be_voltage():
     card = card_of(replace(DOUBLE, command_unit="V"))
     assert "voltage_V" in force_map(card).as_csv()
 

@@ -99,7 +99,7 @@ def test_code_and_tables_fit_memory_limits(boards, shown):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("single", [True, False])
-def test_static_checker_finds_only_documented_misra_deviations(tool, tmp_path, single):
+def test_static_checker_finds_only_documented_deviations(tool, tmp_path, single):
     """The checker must also find every documented deviation, so that the list has no superfluous entry."""
     text = files("mrdamper.codegen").joinpath("misra.md").read_text(encoding="utf-8")
     listed = set(re.findall(r"^\| (\d+\.\d+) \|", text, re.MULTILINE))

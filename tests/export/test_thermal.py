@@ -128,7 +128,7 @@ def test_predicted_time_to_temperature_limit_matches_simulation(folder, model):
     assert rest[-1, 4] == 7200.0
 
 
-def test_thermometer_readings_correct_error_of_wrong_power(folder, model):
+def test_thermometers_correct_error_of_wrong_power(folder, model):
     """The true power of the damper is 20 % higher than the power in the model."""
     load = even(3600, 100.0)
     truth = simulate_compact(model, even(3600, 120.0), start_K=ROOM_K)

@@ -108,7 +108,7 @@ def bingham(**values: float | Polynomial) -> Damper:
     )
 
 
-def test_passivity_number_of_simple_dampers_equals_formula() -> None:
+def test_passivity_number_matches_formula() -> None:
     """The force loop of a viscous damper is an ellipse with pi/4 of the area of the enclosing rectangle.
 
     The passivity number is the dissipated energy divided by the area of the rectangle. A spring, a mass and

@@ -38,7 +38,7 @@ def test_interchangeable_elements_are_sorted() -> None:
     assert canonical(shorter) == shorter
 
 
-def test_fit_to_runs_at_single_current_requires_option() -> None:
+def test_fit_to_single_current_requires_option() -> None:
     all_runs = simulate_runs(LAW, noise=0.01, seed=0)
     runs = tuple(run.run for run in all_runs if run.run.constant_command == 1.0)[:2]
     with pytest.raises(InputError, match="all 2 training runs have one command"):

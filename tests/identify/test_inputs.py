@@ -41,7 +41,7 @@ def data_of(*, force: float = 1.0, noise_A: float = 0.0) -> FitData:
 # Noise on the current
 
 
-def test_current_with_noise_counts_as_constant_current():
+def test_noisy_current_counts_as_constant():
     found = fitting.fit_law(data_of(noise_A=0.03), "bouc-wen")
     assert found.actuation is None
     assert max(error.nrmse_percent for error in fitting.assess(found).runs) < 2.0

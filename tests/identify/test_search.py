@@ -82,7 +82,7 @@ def test_variable_projection_without_noise_recovers_linear_parameters(tangents: 
     np.testing.assert_allclose(result.linear, linear, rtol=1e-4, atol=0.02)
 
 
-def test_linear_parameters_of_variable_projection_minimise_cost() -> None:
+def test_variable_projection_minimises_cost() -> None:
     """For given nonlinear parameters, a change of any linear parameter increases the cost."""
     objective = objective_of()
     nonlinear = np.array([[1800.0, -0.5, 1.4]])

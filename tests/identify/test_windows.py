@@ -63,7 +63,7 @@ def wrong(damper: Damper) -> Damper:
 
 
 @pytest.mark.parametrize("campaign", [chirp, growing_amplitude, grid])
-def test_selected_run_sections_approximate_cost_of_all_sections(campaign) -> None:
+def test_selected_run_sections_approximate_total_cost(campaign) -> None:
     """For a wrong damper, a quarter of the samples gives the cost of all samples within 10 %."""
     runs, damper = campaign(), wrong(warm_damper() if campaign is grid else DAMPER)
     every = run_windows(runs, DEFAULT_SETTINGS)

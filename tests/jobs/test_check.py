@@ -107,7 +107,7 @@ def test_faulty_run_gives_exit_code_5(spoilt):
     assert "clipped" in row["findings"]
 
 
-def test_files_written_by_check_agree_with_json(spoilt, folder):
+def test_check_output_files_agree_with_json(spoilt, folder):
     answer = json.loads(spoilt.stdout)
     assert sorted(path.name for path in (folder / "out").iterdir()) == [
         "check.html", "check.json", "findings.csv",

@@ -137,7 +137,7 @@ def test_export_without_compiler_writes_nothing(folder, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_export_fails_if_compiled_code_differs_from_model(folder, tool, tmp_path, monkeypatch):
+def test_export_fails_if_code_differs_from_model(folder, tool, tmp_path, monkeypatch):
     """The verification runs the compiled program. In this test, a compiler wrapper changes a table."""
     wrapper = tmp_path / "cc"
     wrapper.write_text(

@@ -140,7 +140,7 @@ def test_fins_in_figure_are_to_scale(folder):
     assert tall / length == pytest.approx(92.0 / 200.0, abs=2e-3)
 
 
-def test_option_sink_replaces_heat_sink_of_geometry_file(folder):
+def test_sink_option_replaces_heat_sink_of_geometry(folder):
     sink = folder / "sink.toml"
     sink.write_text("[sink]\nfins = 2\nwidth_mm = 10\nthickness_mm = 2\npitch_mm = 30\n", encoding="utf-8")
     found = heating(folder / "card.json", PAPER_DRAWING, sink=sink)
@@ -254,7 +254,7 @@ def calibrated(folder, astray) -> Any:
 
 
 @pytest.mark.nightly
-def test_first_minutes_of_heating_curve_predict_final_temperature(calibrated, answer, astray):
+def test_first_minutes_of_heating_predict_final_temperature(calibrated, answer, astray):
     """Calibration with 8 min of data narrows the interval to a fifth. The prediction is within 2 K."""
     width = {}
     for name, found in (("drawing", answer), ("curve", calibrated)):

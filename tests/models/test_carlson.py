@@ -26,7 +26,7 @@ fields = st.floats(1.0, 1e7)  # Magnetic field strength [A/m]
 @pytest.mark.parametrize(
     ("field", "printed", "deviation_percent"), [(18e3, 4640.0, 17), (46e3, 13770.0, -2), (80e3, 23470.0, -5)]
 )
-def test_carlson_formula_deviates_from_manufacturer_data_as_documented(field, printed, deviation_percent):
+def test_carlson_formula_deviates_from_data_as_documented(field, printed, deviation_percent):
     """The points are for MRF-132DG (32 % iron in a hydrocarbon), taken from a secondary source."""
     law = Carlson(saturation_stress(0.32, CARRIERS["hydrocarbon"]))
     deviation = 100.0 * (float(law.stress(field)) / printed - 1.0)

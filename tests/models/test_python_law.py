@@ -14,7 +14,7 @@ shares = st.integers(-8, 24).map(lambda k: k / 16)
 
 
 @given(first=shares, second=shares, steepness=st.sampled_from([-4.0, -1.0, 1.0, 64.0]))
-def test_cubic_has_turning_points_where_slope_changes_sign(first, second, steepness):
+def test_cubic_has_extremum_where_slope_changes_sign(first, second, steepness):
     """The slope is s (t - t1) (t - t2). All values are multiples of 1/16, which are exact floats."""
     slope = (steepness * first * second, -steepness * (first + second), steepness)
     turns = turns_of((0.0, slope[0], slope[1] / 2.0, slope[2] / 3.0))

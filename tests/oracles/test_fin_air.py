@@ -19,7 +19,7 @@ def folder(tmp_path_factory, tool):
 
 
 @pytest.mark.release
-def test_computed_flow_around_bare_tube_matches_churchill_chu(folder):
+def test_flow_around_bare_tube_matches_churchill_chu(folder):
     """The computed flow agrees with a correlation that is based on measurements."""
     found = compute_fin_air(folder, 2e-3, outer=0.0, thickness=0.0)
     law = float(nusselt_horizontal_cylinder(AIR.rayleigh(TUBE, EXCESS_K), AIR.prandtl)) / TUBE
@@ -27,7 +27,7 @@ def test_computed_flow_around_bare_tube_matches_churchill_chu(folder):
 
 
 @pytest.mark.release
-def test_computed_flow_along_single_disc_matches_pohlhausen(folder):
+def test_flow_along_single_disc_matches_pohlhausen(folder):
     """Pohlhausen's formula for flow along strips (``test_annular_fins``) gives h / k = 735 per metre."""
     found = compute_fin_air(folder, 0.02, tube=0.006, thickness=5e-4, wind=2.0, fine=1)
     assert found.sides == pytest.approx(735.0, rel=0.08)

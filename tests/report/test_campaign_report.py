@@ -94,7 +94,7 @@ def test_runs_without_temperature_are_grouped_by_current():
     assert [levels.level_of(error) for error in errors] == [0.0, 2.0, 1.0, None]
 
 
-def test_report_separates_training_errors_from_held_out_errors():
+def test_report_separates_training_and_held_out_errors():
     errors = [
         an_error(rmse_N=3.0),
         an_error(rmse_N=4.0, command=2.0),
@@ -109,7 +109,7 @@ def test_report_separates_training_errors_from_held_out_errors():
     ]
 
 
-def test_main_sine_is_sine_with_most_operating_points():
+def test_main_sine_has_most_operating_points():
     errors = [an_error(command=c) for c in (0.0, 1.0)]
     errors += [an_error(command=c, motion="sine 3 mm 2 Hz") for c in (0.0, 1.0, 2.0)]
     errors += [an_error(command=c, motion="random 3 mm 1-3 Hz") for c in (0.0, 1.0, 2.0, 3.0)]
@@ -163,7 +163,7 @@ def test_larger_force_loss_at_high_current_is_reported():
     assert "only for some currents, measured and modelled." in warmth.summary
 
 
-def test_reported_force_loss_equals_loss_of_damper(fitted, judged):
+def test_reported_force_loss_equals_known_loss(fitted, judged):
     """The loss at 2 A and 100 degC contains the losses of viscous force and yield force."""
     warmth = temperature_section(Campaign(fitted, judged.runs))
     assert warmth is not None
@@ -174,7 +174,7 @@ def test_reported_force_loss_equals_loss_of_damper(fitted, judged):
     assert [float(number) for number in told] == pytest.approx([lost, lost], abs=1.5)
 
 
-def test_reported_characteristics_equal_characteristics_of_damper(fitted, judged):
+def test_reported_characteristics_equal_known_characteristics(fitted, judged):
     found = characteristics_section(Campaign(fitted, judged.runs)).found
     assert found.scope.temperatures == pytest.approx((293.15, 333.15, 373.15))
     assert found.scope.commands == (0.0, 1.0, 2.0)

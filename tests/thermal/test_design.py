@@ -132,7 +132,7 @@ def test_sinks_of_vertical_damper_have_wide_gaps():
     assert all(each.sink.gap >= 0.010 - 1e-9 for each in front if each.sink and each.sink.fins > 1)
 
 
-def test_interval_of_heat_sink_gain_contains_gain(reference):
+def test_heat_sink_gain_interval_contains_gain(reference):
     """The gain of a sink against itself is exactly zero. A sink with more fins has a positive gain."""
     none = gain_band(DAMPER, SINK, SINK, 0.0)
     assert (none.low, none.high, none.better) == (0.0, 0.0, False)

@@ -44,7 +44,7 @@ def area_of(section: Section, name: str) -> float:
 
 
 @pytest.mark.parametrize("drawing", DRAWINGS)
-def test_outline_of_damper_contains_all_cooled_areas(drawing: DamperDrawing):
+def test_damper_outline_contains_all_cooled_areas(drawing: DamperDrawing):
     body, sink, around, section = drawing.body, drawing.sink, drawing.surroundings, section_of(drawing)
     outer, shaft = 0.5 * body.outer_diameter, 0.5 * drawing.rod.diameter
     through = drawing.rod.through

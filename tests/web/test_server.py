@@ -170,7 +170,7 @@ def test_unsuitable_channel_map_is_not_saved(clean, tmp_path):
     assert "force" in refused.json()["error"]  # The message suggests the nearest name.
 
 
-def test_model_error_on_page_equals_result_of_evaluate(clean, runs, tmp_path):
+def test_error_on_page_equals_error_of_evaluate(clean, runs, tmp_path):
     """The model is plotted at the samples of the run, so the error equals ``mrdamper evaluate``."""
     root, client = clean
     shutil.copy(runs[3], root / "runs")
@@ -215,7 +215,7 @@ def test_uploaded_geometry_is_used_for_heating(clean):
 # ------------------------------------------------------------------------------------------- queries
 
 
-def test_request_succeeds_after_death_of_worker_process():
+def test_request_succeeds_after_worker_death():
     """If the process of a query dies, this query raises an error. The next query gets a new process."""
 
     def children() -> set[int]:
@@ -278,7 +278,7 @@ def test_damper_that_failed_to_open_is_not_locked(tmp_path):
     asyncio.run(dampers.close())
 
 
-def test_message_about_missing_web_library_states_install_command(tmp_path):
+def test_missing_web_library_message_states_install_command(tmp_path):
     code = f"import sys; sys.modules['fastapi'] = None; {command()[2]}"
     run = subprocess.run(
         [sys.executable, "-c", code, "serve", "--folder", str(tmp_path)],

@@ -84,7 +84,7 @@ def test_cancel_keeps_best_fit(idle):
 
 
 @pytest.mark.nightly
-def test_job_of_dead_process_is_reported_as_failed(idle):
+def test_job_of_dead_process_counts_as_failed(idle):
     _, client = idle
     job_id, pid = a_long_fit(client)
     os.kill(pid, signal.SIGKILL)
@@ -96,7 +96,7 @@ def test_job_of_dead_process_is_reported_as_failed(idle):
 
 
 @pytest.mark.nightly
-def test_third_job_waits_until_another_job_ends(folder):
+def test_third_simultaneous_job_waits(folder):
     with served(folder) as client:
         first, _ = a_long_fit(client, "first")
         second, _ = a_long_fit(client, "second")
