@@ -80,7 +80,7 @@ def colour_of(command: float | None, highest: float) -> str:
 
 
 def colour_of_temperature(temperature: float, levels: Sequence[float]) -> str:
-    """Return the colour of a temperature, violet to orange in the range of ``levels``."""
+    """Return the colour of a temperature [K or degC], from violet to orange in the range of ``levels``."""
     low, high = min(levels), max(levels)
     ratio = 0.5 if low == high else (temperature - low) / (high - low)
     return to_hex(mpl.colormaps["plasma"](0.05 + 0.70 * ratio))

@@ -178,7 +178,7 @@ def best_gap_in_wind(speed: float, length: float, viscosity: ArrayLike, prandtl:
 def floor_share(
     speed: float, gap: float, outer: float, viscosity: ArrayLike, prandtl: ArrayLike
 ) -> FloatArray:
-    """Return the coefficient on the tube between fins / coefficient on the fin sides.
+    """Return the coefficient on the tube between fins / coefficient on the fin sides [-].
 
     The ratio in wind is 1.2 (1 - exp(-(S / S0)^5)) for the gap S. S0 is 1.18 times ``best_gap_in_wind`` for
     the mean chord of a disc. The formula was fitted to computed flows for fins of one size at 2 m/s. At 1 and
@@ -189,7 +189,7 @@ def floor_share(
 
 
 def side_uncertainty(gap: float, diameter_ratio: float, speed: float) -> float:
-    """Return the relative error of the coefficients on fin sides and on the tube.
+    """Return the relative error [-] of the coefficients on fin sides and on the tube.
 
     The error is the half width of the 90 % interval, divided by the coefficient: 0.15 for gaps of 5 mm or
     more in still air, and 0.20 for smaller gaps and in wind. The error is 0.30 for fins shorter than a third
