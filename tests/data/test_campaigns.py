@@ -57,7 +57,7 @@ def test_run_contradicting_its_name_is_reported(place, quantity):
 
 
 def test_frequency_of_noisy_sine_is_found():
-    """Noise of 5 % of the amplitude crosses each displacement many times within a stroke."""
+    """With noise of 5 % of the amplitude, the displacement crosses its mean many times in each stroke."""
     run = run_of("sine_2.1Hz")
     noise = 5e-4 * np.random.default_rng(4).standard_normal(len(run))
     (finding,) = find_against_names([replace(run, displacement=run.displacement + noise)])
@@ -92,7 +92,7 @@ def test_deviating_stroke_or_frequency_is_found(kind, quantity, least, sign):
 
 
 @pytest.mark.parametrize(("role", "factor"), [("force", 0.1), ("displacement", 1 / 25.4), ("command", 100.0)])
-def test_implausible_force_or_command_names_channel(role, factor):
+def test_implausible_force_or_command_is_reported(role, factor):
     run = run_of()
     (finding,) = find_implausible_damper([replace(run, **{role: factor * getattr(run, role)})])
     assert finding.channel == ("current" if role == "command" else role)
@@ -145,8 +145,8 @@ def test_different_motion_or_current_is_no_second_damper(change):
     assert list(compare([first, replace(other, **change(other))])) == []
 
 
-def test_held_out_second_damper_is_reported():
-    """The finding states that the fit does not use this run. Differing training runs have priority."""
+def test_second_damper_in_held_out_run_is_reported():
+    """The fit does not use a held-out run. If the training runs differ too, only they are reported."""
     first, other = noisy(run_of("first"), 1), noisy(run_of("other"), 2, 1.5)
     (finding,) = compare([first], [other])
     assert (finding.kind, finding.run) == ("two_dampers", "other")
@@ -211,14 +211,14 @@ def lag_of(runs):
         # The delay is proportional to the period, which indicates compliance.
         ({1.0: 40.0, 2.0: 20.0}, None),
         ({1.0: 52.0, 2.0: 32.0}, 12.0),
-        ({1.0: 35.0, 2.0: 15.0}, None),  # A linear fit gives -5 ms, a quadratic fit 8.3 ms.
+        ({1.0: 35.0, 2.0: 15.0}, None),  # A linear fit gives -5 ms for period 0, a quadratic fit 8.3 ms.
         (
             {1.0: 15.0, 2.0: 0.0},
             -5.0,
-        ),  # Early in both forms: a fit linear in the period gives -15 ms, a quadratic one (viscosity) -5 ms.
+        ),  # A linear fit gives -15 ms, a quadratic fit -5 ms. The smaller lead is reported.
     ],
 )
-def test_force_delay_excludes_compliance(delays, told):
+def test_force_delay_is_distinguished_from_compliance(delays, told):
     runs = [
         delayed(f, 1e-3 * ms, name=f"{f}", stroke_m=0.02 + 1e-6 * k)
         for k, (f, ms) in enumerate(delays.items())

@@ -102,7 +102,7 @@ def tdms_start(path: Path, channels: Channels) -> None:
 
 
 def tdms_offset(path: Path, channels: Channels) -> None:
-    """Write a TDMS file with a time offset for each channel, and with a start time for the force only."""
+    """Write a TDMS file with a time offset for each channel. Only the force has a start time."""
 
     def state(each: Channel) -> dict[str, Any]:
         began = {"wf_start_time": STARTED.replace(tzinfo=None)} if each.unit == "N" else {}
@@ -160,8 +160,8 @@ def hdf5_groups(path: Path, channels: Channels) -> None:
 def write_labview(path: Path, channels: Channels, *, wide: bool, moments: bool) -> None:
     """Write a LabVIEW text file.
 
-    If ``wide``, each channel has its own x column, otherwise there is no x column. If ``moments``, date and
-    time define the start of each channel, otherwise X0.
+    If ``wide``, each channel has its own x column. Otherwise there is no x column. The start of a channel is
+    given by its date and time if ``moments``, and otherwise by the tag ``X0``.
     """
     gap = "\t\t" if wide else "\t"
     x0 = [0.0 if moments else each.start_s for each in channels.values()]
@@ -298,7 +298,7 @@ def test_channels_keep_their_own_times(tmp_path, write, late_s, force_step_s):
     write(path, recording(late_s, force_step_s))
     is_reported = late_s > (
         0.01 if write in {mdf, columns_apart} else 0.0
-    )  # A shift as small as the jitter of a logger is not reported.
+    )  # A shift of up to 10 ms may be jitter of the times in these two formats.
     assert_on_one_clock(path, late_s, is_reported=is_reported)
 
 
@@ -322,8 +322,8 @@ def test_channels_without_overlap_are_rejected(tmp_path, write):
         read_run(path)
 
 
-def test_half_covered_record_requires_answer(tmp_path):
-    """If a group of channels covers only half of the record, the user decides whether to use this half."""
+def test_channel_covering_half_record_requires_answer(tmp_path):
+    """If one channel covers only half of the record, the user decides whether the other half is omitted."""
     path = tmp_path / "run.mf4"
     mdf(path, recording(2.0))
     with pytest.raises(AskingError, match=r"time\.part=common") as fault:

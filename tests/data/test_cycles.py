@@ -19,7 +19,7 @@ AMPLITUDE_m, FORCE_N, STIFFNESS_N_m = 0.01, 900.0, 5e4
 ANGLE = 2.0 * pi / SAMPLES_PER_CYCLE
 ENERGY_J = (
     pi * AMPLITUDE_m * FORCE_N * sin(ANGLE) / ANGLE
-)  # This energy is exact for the trapezoidal rule on a sampled sine.
+)  # The trapezoidal rule gives exactly this energy for a sampled sine.
 
 
 def sine(samples: int) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -1,4 +1,4 @@
-"""Faults of known size in a run are reported, and clean runs, virtual and real, have no false finding."""
+"""Faults of known size in a run are reported, and a run without faults has no finding."""
 
 from __future__ import annotations
 
@@ -188,7 +188,7 @@ def test_reversed_force_sign_is_fault():
     assert finding.size < -0.8
 
 
-def test_coarse_slow_motion_is_not_stuck():
+def test_coarsely_resolved_motion_is_not_reported_as_stuck():
     def coarse(fields):
         fields["displacement"] = np.round(fields["displacement"] / 4e-4) * 4e-4
 
@@ -200,7 +200,7 @@ def test_coarse_slow_motion_is_not_stuck():
 
 @given(noise=st.floats(0.5, 200.0), seed=st.integers(0, 99))
 @examples(20)
-def test_force_noise_is_separated_from_loop(noise, seed):
+def test_force_noise_is_separated_from_damper_force(noise, seed):
     run = make_run(rate_Hz=1000.0)
     spoilt = run.force + noise * np.random.default_rng(seed).standard_normal(len(run))
     assert white_noise(spoilt) == pytest.approx(noise, rel=0.15)
@@ -272,7 +272,7 @@ def test_repeated_findings_are_listed_once():
 
 @pytest.mark.parametrize("rows", [(slice(None, 700), slice(703, None)), (slice(None, 703), slice(700, None))],
                          ids=["lost", "doubled"])  # fmt: skip
-def test_lost_samples_give_phase_jumps(rows):
+def test_lost_samples_are_reported_as_phase_jumps(rows):
     """The time stamps remain uniform, but displacement and force jump."""
     sound = recording()
     cut = {
@@ -329,7 +329,7 @@ def lose(fields, size):
 
 
 def drift_by(role):
-    """Return a function that moves a channel by a size from the first to the last of nine cycles."""
+    """Return a function that adds a drift. Its size is the change from the first to the ninth cycle."""
     return lambda fields, size: fields.update({role: fields[role] + size * fields["time"] / 4.0})
 
 
@@ -398,7 +398,7 @@ class Twin(NamedTuple):
     """A change of units or scale that must not change the findings."""
 
     changed: Callable[[Recording], Recording]
-    factors: dict[str, float]  # Scale factor of the size of a finding, by unit; the unit of times is "s".
+    factors: dict[str, float]  # Unit of a finding: factor by which its size changes. "s" also scales times.
     begins_s: float = 0.0
 
 

@@ -1,4 +1,4 @@
-"""Documents of laboratories: structured notations, run lists, recorders, directions and contradictions."""
+"""Documents next to files of runs supply missing data, such as currents, or lead to a question."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ Writer = Callable[[Path], None]
 
 
 def runs(folder: Path, head: str = NAMED) -> None:
-    """Write runs without current. The header has no units, or is missing."""
+    """Write time, displacement and force of each run after ``head``, which states no units or is empty."""
     for name, run in zip(NAMES, RUNS, strict=True):
         write(folder, f"{name}.csv", head + table(*columns(run)[:3]))
 
 
 def beside(suffix: str, text: Callable[[float], str], head: str = NAMED) -> Writer:
-    """Return a writer of runs with one document for each run."""
+    """Return a function that writes the runs, and one document for each run."""
 
     def writer(folder: Path) -> None:
         runs(folder, head)
@@ -41,7 +41,7 @@ def beside(suffix: str, text: Callable[[float], str], head: str = NAMED) -> Writ
 
 
 def about(name: str, text: str, head: str = NAMED) -> Writer:
-    """Return a writer of runs with one document about all of them."""
+    """Return a function that writes the runs, and one document that describes all runs."""
 
     def writer(folder: Path) -> None:
         runs(folder, head)
@@ -51,7 +51,7 @@ def about(name: str, text: str, head: str = NAMED) -> Writer:
 
 
 def each(text: str, numbers: Iterable[object] = (1, 2, 3)) -> str:
-    """Return a text for each run, with its name ``n``, current ``i`` and number ``k``."""
+    """Fill in ``text`` for each run: n is the name of the run, i the current, k an item of ``numbers``."""
     return "".join(text % {"n": n, "i": i, "k": k} for n, i, k in zip(NAMES, CURRENTS, numbers, strict=True))
 
 
@@ -66,7 +66,7 @@ def workbook(folder: Path) -> None:
 
 
 def open_document(folder: Path) -> None:
-    """Write a sheet as spreadsheets do: an empty last cell, and repeated empty columns to the right."""
+    """Write an OpenDocument sheet with 1020 empty cells after each row, as spreadsheet programs save it."""
     name = "urn:oasis:names:tc:opendocument:xmlns"
     bare(folder)
     cells: list[list[object]] = [
@@ -202,7 +202,7 @@ DOCUMENTS: dict[str, Writer] = {
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)
-def test_document_supplies_columns_and_conditions(tmp_path, document):
+def test_document_supplies_current_and_temperature(tmp_path, document):
     DOCUMENTS[document](tmp_path)
     assert_read(read_runs(tmp_path), warm=WARM_K)
 
@@ -225,15 +225,15 @@ UNCLEAR: dict[str, Writer] = {
 
 @pytest.mark.parametrize("document", UNCLEAR)
 def test_unclear_document_leads_to_question(tmp_path, document):
-    """Limits, constants of programs and lists of other runs are no currents of the runs."""
+    """Limits, constants in scripts and lists of other runs do not give the currents of the runs."""
     UNCLEAR[document](tmp_path)
     with pytest.raises(AskingError):
         read_runs(tmp_path)
 
 
 @pytest.mark.parametrize("source", ["header", "sidecar", "list"])
-def test_words_contradict_measured_current(tmp_path, source):
-    """The question has the stated and the measured current."""
+def test_stated_current_must_agree_with_measured_current(tmp_path, source):
+    """The question names the current that the text states, and the measured current."""
     head = "Coil current: 0.4 A\n\n" if source == "header" else ""
     for name, run in zip(NAMES, RUNS, strict=True):
         write(tmp_path, f"{name}.csv", head + FULL + table(*columns(run)))
@@ -269,8 +269,8 @@ LISTS = {
 
 
 @pytest.mark.parametrize("layout", LISTS)
-def test_starts_in_list_join_temperature_recorder(tmp_path, layout):
-    """The recorder has the damper and the hall, and states date and clock in two columns."""
+def test_listed_start_times_select_temperatures_from_log(tmp_path, layout):
+    """The log contains the temperatures of damper and hall. Date and time of day are in two columns."""
     head, cells = LISTS[layout]
     sign = ";" if ";" in head else ","
     bare(tmp_path)
@@ -297,7 +297,7 @@ def test_starts_in_list_join_temperature_recorder(tmp_path, layout):
         ("Peak compression: 300 N, positive peak 200 N", (None, None)),
     ],
 )
-def test_direction_is_stated_for_its_role(line, signs):
+def test_positive_direction_is_read_from_text(line, signs):
     found = signs_in([line])
     assert (found.get("displacement"), found.get("force")) == signs
 
@@ -312,7 +312,7 @@ def test_direction_is_stated_for_its_role(line, signs):
     ],
 )
 def test_stated_direction_reverses_channels(tmp_path, line, signs):
-    """A force that resists extension is positive. A missing sign follows from the dissipation."""
+    """A force that resists extension is positive. A sign that is not stated follows from the dissipation."""
     for name, run in zip(NAMES, RUNS, strict=True):
         t, x, f, i = columns(run)
         write(tmp_path, f"{name}.csv", f"{line}\n{FULL}" + table(t, signs[0] * x, signs[1] * f, i))

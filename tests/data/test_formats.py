@@ -1,4 +1,4 @@
-"""Every file format gives the same run, and its interpretation and damage are reported."""
+"""Every file format gives the same run. The interpretation and damage of a file are reported."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ COMPILED = {"run.h5", "v73.mat", "v5.mat", "run.mf4", "run.parquet", "run.xlsx"}
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_damaged_file_is_read_or_rejected(tmp_path, name, capfd):
-    """A damaged file causes one error and no other output. Compiled formats are only truncated."""
+    """A damaged file causes at most one error, and no output. Files of ``COMPILED`` are only truncated."""
     file = tmp_path / name
     WRITERS[name](file)
     content = file.read_bytes()
@@ -188,7 +188,7 @@ def test_impossible_mdf_sample_count_is_rejected(tmp_path):
     """A damaged sample count in the file must not allocate gigabytes of zeros."""
     WRITERS["run.mf4"](tmp_path / "run.mf4")
     content = bytearray((tmp_path / "run.mf4").read_bytes())
-    count = content.index(b"##CG") + 80  # The count follows the head, six links and a number of the CG block.
+    count = content.index(b"##CG") + 80  # The count follows 24 bytes of header, six links and an identifier.
     assert int.from_bytes(content[count : count + 8], "little") == len(RUN)
     content[count : count + 8] = (1 << 26).to_bytes(8, "little")
     (tmp_path / "run.mf4").write_bytes(content)

@@ -1,6 +1,6 @@
-"""Files as instruments write them: channel lists, long tables, one file per channel, per cent, dates.
+"""Files in the layouts of instruments and programs are read. An unclear file leads to a question.
 
-Each case is a layout of an instrument or a program. A file with an unclear meaning leads to a question.
+Examples are channel lists, a row per sample and channel, a file per channel, percentages and dates.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def interval_ms(unit: str) -> int:
 
 
 def scope(folder: Path, notes: str = SCOPE) -> None:
-    """Write screens of an oscilloscope with entries next to the samples."""
+    """Write a file per channel as an oscilloscope does: settings, then time and voltage, in each row."""
     for k, run in enumerate(RUNS):
         t, x, f, i = columns(run)
         for channel, volts in enumerate((x / 5.0, f / 500.0, i * 0.1), 1):
@@ -68,7 +68,7 @@ def scope(folder: Path, notes: str = SCOPE) -> None:
 
 
 def long_rows(form: Callable[[int, str, float], str]) -> str:
-    """Return a row for each sample and channel; ``form`` returns the cells in front of the value."""
+    """Return a row for each sample of each channel: the cells that ``form`` returns, then the value."""
     names = ("rod_position_mm", "rod_force_N", "coil_current_A")
     return "".join(
         f"{form(k, name, t)},{value:.6f}\n"
@@ -199,7 +199,7 @@ def test_layout_of_instrument_is_read(tmp_path, layout):
 
 
 def two_sensors(folder: Path) -> None:
-    """Write a long table in which two sensors have the same name."""
+    """Write a table with one row per sample and channel. Two sensors have the same channel name."""
     x, f, i = columns(RUNS[1])[1:]
     series = (("force_N", "A", f), ("force_N", "B", 2.0 * f), ("rod_mm", "C", x), ("coil_A", "D", i))
     rows = (
@@ -227,7 +227,7 @@ UNCLEAR: dict[str, Callable[[Path], None]] = {
 
 
 @pytest.mark.parametrize("layout", UNCLEAR)
-def test_unclear_layout_is_a_question(tmp_path, layout):
+def test_unclear_layout_leads_to_question(tmp_path, layout):
     UNCLEAR[layout](tmp_path)
     with pytest.raises(AskingError):
         read_runs(tmp_path)
@@ -262,13 +262,13 @@ def test_date_notation_gives_same_moment(spelled):
         *((1.6472e18, 1e9, "ns"), (0.0, 1.0, ""), (44634.5, 1.0, ""), (1.6472e9, 1e3, "")),
     ],
 )
-def test_epoch_of_a_time_column_gives_its_unit(first, ticks, unit):
-    """A count of seconds since an event, or of milliseconds since the start of a computer, has no epoch."""
+def test_size_of_numeric_dates_gives_unit(first, ticks, unit):
+    """Times since year 0, 1900 or 1970 have a typical size. Times since another event have no known unit."""
     assert unit_by_magnitude(first + ticks * np.arange(0.0, 4.0, 0.005)) == unit
 
 
-def test_seconds_of_a_running_clock_need_a_unit(tmp_path):
-    """A count since an unknown start can have any unit."""
+def test_time_since_unknown_start_requires_unit(tmp_path):
+    """The column ``ticks`` counts from an unknown moment, in any unit."""
     for k, run in enumerate(RUNS):
         t, *values = columns(run)
         write(tmp_path, f"{k}.csv", "ticks," + BARE.split(",", 1)[1] + table(3e5 + t, *values[:2]))

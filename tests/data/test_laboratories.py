@@ -91,7 +91,7 @@ def japanese(folder: Path) -> None:
 
 
 def blocks(folder: Path) -> None:
-    """Write one file with a header for each block of rows, a table of results above and text below."""
+    """Write one file: a table of results, a table with its own header for each run, and text at the end."""
     text = "Summary\nCycle\tFmax (N)\n1\t900\n2\t901\n\n"
     for run, current in zip(RUNS, CURRENTS, strict=True):
         text += f"Sweep at {current} A\nElapsed (s)\tLVDT (mm)\tLoad cell (N)\n{rows(run, sign=chr(9))}\n"
@@ -106,7 +106,7 @@ def comments(folder: Path) -> None:
 
 
 def wide(folder: Path) -> None:
-    """Write one force column per current, with currents above the names and dashes for missing values."""
+    """Write one force column per current, with the current above the name of the column."""
     lines = ["Damper 7;;;;", ";;0 A;0,75 A;1,5 A", "Zeit;Weg;Kraft;Kraft;Kraft", "s;mm;N;N;N"]
     for k in range(N):
         cells = [RUNS[0].time[k], 1e3 * RUNS[0].displacement[k], *(run.force[k] for run in RUNS)]
@@ -131,7 +131,7 @@ def sheets(folder: Path) -> None:
 
 
 def polish_sheets(folder: Path) -> None:
-    """Write a workbook of numbers as texts with decimal commas, and the current above the names."""
+    """Write workbooks with numbers as texts with decimal commas. The current is above the column names."""
     from openpyxl import Workbook
 
     for run, current in zip(RUNS, CURRENTS, strict=True):
@@ -193,7 +193,7 @@ def columns_apart(folder: Path) -> None:
 
 
 def listed_in_a_comment(folder: Path) -> None:
-    """Write SI values separated by blanks, with columns, current and temperature (K) listed in comments."""
+    """Write SI values separated by blanks. Comments state column names, current and temperature [K]."""
     for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
         head = ["Machine: Instron 8874", f"Coil current = {1e3 * current:g} mA", "Oil temperature = 313.15 K"]
         head.append("columns: time [s], displacement [m], force [N]")
@@ -233,7 +233,7 @@ def pounds_and_clamp(folder: Path) -> None:
 
 
 def oscilloscope(folder: Path) -> None:
-    """Write sample numbers, the time step in the row of units, and current and temperature in the name."""
+    """Write sample numbers. The time step is in the row of units; the file name states the current."""
     for run, current in zip(RUNS, CURRENTS, strict=True):
         lines = ["X,CH1,CH2,Start,Increment", "Sequence,mm,N,0.000000e+00,5.000000e-03"]
         table = zip(1e3 * run.displacement, run.force, strict=True)
@@ -242,7 +242,7 @@ def oscilloscope(folder: Path) -> None:
 
 
 def loop_counter(folder: Path) -> None:
-    """Write a header, the milliseconds of a controller, and a time that restarts in each cycle."""
+    """Write the milliseconds of a microcontroller, and a second time that restarts in each cycle."""
     for k, run in enumerate(RUNS):
         columns = (1e3 * run.time, run.time % 0.5, 1e3 * run.displacement, run.force, 1e3 * run.command)
         table = [",".join(number(value) for value in row) for row in zip(*columns, strict=True)]
@@ -284,7 +284,7 @@ def coarse_time(folder: Path) -> None:
 
 
 def objects(folder: Path) -> None:
-    """Write JSON files: one row per line, signals with names and units, and an unrelated note."""
+    """Write one run with a JSON object per sample, the others as JSON signals, and an unrelated JSON file."""
     first, *others = RUNS
     table = zip(first.time, 1e3 * first.displacement, first.force, first.command, strict=True)
     lines = [json.dumps(dict(zip(("t_s", "x_mm", "F_N", "I_A"), row, strict=True))) for row in table]
@@ -388,7 +388,7 @@ def slow_clock(folder: Path) -> None:
 
 
 def legend(folder: Path) -> None:
-    """Write numbered channels with a legend above, and settings whose names contain the units."""
+    """Write numbered columns below a list of their names and units, and below settings with units."""
     for k, run in enumerate(RUNS):
         head = f"[Setup]\nCoil_current_A={run.command[0]}\nOilTemp_C=40\nFs_Hz=200\n[Channels]\n"
         head += "CH0: LVDT displacement, mm\nCH1: load cell force, N\n[Data]\nCH0;CH1\n"
@@ -698,7 +698,7 @@ def test_sampling_rate_is_not_motion_frequency(rate):
 
 
 def later(run: RigRun, delay_s: float, frequency: float) -> RigRun:
-    """Return a run whose force lags the motion by a fraction of its period plus a constant delay."""
+    """Return a run whose force lags the motion by 1 % of the period plus a constant delay."""
     turn = 2.0 * np.pi * frequency
     time = np.asarray(np.arange(800) * 0.0025, dtype=np.float64)
     lag = 0.01 / frequency + delay_s
@@ -715,7 +715,7 @@ def later(run: RigRun, delay_s: float, frequency: float) -> RigRun:
 @given(delay=st.floats(-0.02, 0.025))
 def test_two_frequencies_separate_delay_from_compliance(delay):
     kinds = {finding.kind: finding for finding in compare([later(RUNS[0], delay, f) for f in (1.0, 3.0)])}
-    sure = delay + 0.0025  # This is the delay if compliance scales with the squared period.
+    sure = delay + 0.0025  # Delay that a fit quadratic in the period gives
     if abs(delay - 0.010) < 0.001 or abs(sure + 0.002) < 0.001:
         return
     assert set(kinds) == ({"force_late"} if delay > 0.010 else {"force_early"} if sure < -0.002 else set())

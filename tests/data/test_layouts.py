@@ -27,7 +27,7 @@ MARKS = {"utf-16-le": b"\xff\xfe", "utf-16-be": b"\xfe\xff"}
     encoding=st.sampled_from(sorted(MARKS)),
     marked=st.booleans(),
 )
-def test_utf16_is_recognised_without_mark(tmp_path_factory, text, encoding, marked):
+def test_utf16_needs_no_byte_order_mark(tmp_path_factory, text, encoding, marked):
     path = tmp_path_factory.getbasetemp() / "wide.txt"
     path.write_bytes((MARKS[encoding] if marked else b"") + text.encode(encoding))
     assert utf16_of(path.read_bytes()) == ("utf-16" if marked else encoding)
@@ -43,7 +43,7 @@ def test_utf16_is_recognised_without_mark(tmp_path_factory, text, encoding, mark
     [
         ("Weg für Prüfling", "cp1252", "cp1252"),
         ("Время;Сила", "cp1251", "cp1251"),
-        ("Ток;Force", "cp1251", "cp1252"),  # A single word may also be in a Latin script.
+        ("Ток;Force", "cp1251", "cp1252"),  # One Cyrillic word is not enough to recognise cp1251.
         ("时间;位移", "gb18030", "gb18030"),
         ("時間;荷重;変位", "cp932", "cp932"),
         ("시간;하중", "cp949", "cp949"),
@@ -66,7 +66,7 @@ TIMES = np.array([2.0, 2.25, 2.5, 2.75, 3.0])
 def universal(
     *, precise: bool, even: bool, order: str = "", name: str = "NONE", of: int = 13, points: int = 5
 ):
-    """Return a universal file with one force, as text or as binary data in a byte order (``<`` or ``>``)."""
+    """Return a universal file with one force channel: text, or binary data of byte order ``<`` or ``>``."""
     form, width, kind = (4, 20, "f8") if precise else (2, 13, "f4")
     values = VALUES if order else FULL
     samples = values if even else np.ravel(np.column_stack([TIMES, values]))
@@ -93,7 +93,7 @@ def test_universal_text_and_binary_files_agree(tmp_path, precise, even, order):
     path = tmp_path / "run.unv"
     path.write_bytes(content)
     table = read_table(path)
-    # The force channel has no name in the file.
+    # The file has no channel name, only the code for a force.
     force = next(name for name in table.names if "force" in name.lower())
     clock = next(name for name in table.names if name != force)
     np.testing.assert_allclose(table.columns[force], VALUES if order else FULL, rtol=1e-6)

@@ -1,4 +1,4 @@
-"""MAT files are read as the tools of test benches save them: signals in structures, found by their names."""
+"""MAT files with the structures that test-bench programs save are read. Names identify the signals."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_named_mat_signals_need_no_map(tmp_path, save, variables):
     assert run.constant_command == 0.5
 
 
-def test_mat_recordings_are_separate_parts(table):
+def test_mat_recordings_are_read_separately(table):
     read = table(rec1=dspace(), rec2=dspace(), part="rec2")
     assert {"Time", "displacement", "force", "current"} <= set(read.names)
     whole = table(rec1=dspace(), rec2=dspace())
@@ -98,7 +98,7 @@ def test_mat_recordings_are_separate_parts(table):
 
 
 def opaque(name, kind):
-    """Return the element of a MAT file for an object of a MATLAB class, such as a string or a table."""
+    """Return the bytes with which a MAT file stores a MATLAB object, such as a string or a table."""
 
     def element(code, content):
         return struct.pack("<II", code, len(content)) + content + b"\0" * (-len(content) % 8)

@@ -60,8 +60,8 @@ def named(role: str, **columns: object) -> str:
     ],
 )
 @pytest.mark.parametrize("first", ["wins", "loses"])
-def test_header_words_select_column_of_same_unit(role, wins, loses, first):
-    """Measured values precede set points, words precede symbols, fluid precedes air, in any column order."""
+def test_header_words_decide_between_columns_of_same_unit(role, wins, loses, first):
+    """Measured values are preferred to set points, words to symbols, and fluid to air, in any order."""
     order = (wins, loses) if first == "wins" else (loses, wins)
     others = {} if role == "force" else {"force__N": np.ones(50)}
     found = named(role, **MOVED, **dict.fromkeys(order, np.ones(50)), **others)

@@ -32,7 +32,7 @@ def test_smoothing_does_not_change_clean_motion():
 def test_smoothing_preserves_noisy_motion():
     prepared = prepare_run(make_run(SINE, rest=0.3, **NOISY))
     since = np.maximum(prepared.trajectory.time - 0.3, 0.0)
-    moving = prepared.trajectory.time > 0.4  # The jump of the velocity at the start is rounded by smoothing.
+    moving = prepared.trajectory.time > 0.4  # Smoothing rounds the velocity jump at 0.3 s.
     assert 10.0 < prepared.rules.cutoff_Hz < 250.0
     assert np.std(prepared.trajectory.velocity[moving] - SINE.velocity(since)[moving]) < 0.6e-3
     assert np.std(prepared.trajectory.velocity[:250]) < 0.6e-3
@@ -53,7 +53,7 @@ def test_displacement_is_zero_at_rest(start, rest):
 
 
 @given(rest=st.floats(0.05, 2.0))
-def test_scored_part_begins_after_half_period(rest):
+def test_error_evaluation_begins_after_half_period(rest):
     prepared = prepare_run(make_run(SINE, rest=rest, duration=3.0))
     # The motion has left its rest after 2 % of the range of 20 mm.
     left_rest = np.arcsin(0.02 * 0.02 / 0.010) / (2 * np.pi * 2.0)
@@ -104,7 +104,7 @@ def test_run_with_time_jitter_is_resampled():
 
 
 def test_rounded_timestamps_are_not_jitter():
-    """With stamps in whole milliseconds at 512 Hz, the samples are uniform although the stamps are not."""
+    """Time stamps rounded to 1 ms are irregular at 512 Hz, although the samples are uniform."""
     fields = fields_of_run(SINE, rate_Hz=512.0)
     exact = prepare_run(make_run(changed=fields))
     fields["time"] = np.round(fields["time"], 3)

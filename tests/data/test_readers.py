@@ -1,4 +1,4 @@
-"""Each spelling of a text file gives the same run, and an unreadable file gives a message."""
+"""Text files in many notations give the same run. An unreadable file gives a message."""
 
 import numpy as np
 import pytest
@@ -141,7 +141,7 @@ def test_events_in_logger_text_separate_runs(tmp_path):
 
 
 def test_segment_count_must_equal_command_count(tmp_path):
-    """The map has one command per segment of the file. An event in the log begins a segment."""
+    """Each event in the file begins a segment. The channel map must have one command for each segment."""
     (tmp_path / "log.txt").write_text(_logger_text(2))
     with pytest.raises(InputError, match=r"'Resume' splits the file into 2 tests, \[segments\] has 3"):
         read_run(tmp_path / "log.txt", ChannelMap.from_dict(LOGGER_MAP))
@@ -164,7 +164,7 @@ def test_column_without_header_is_selected_by_index(tmp_path):
 
 
 def test_sensor_volts_are_not_measured_quantity(tmp_path):
-    """The unit distinguishes a quantity from the voltage of its sensor, which is not a command either."""
+    """Of two force columns, the one in volts is the sensor signal. A sensor signal is no damper command."""
     rows = np.array(ROWS).tolist()
     lines = "\n".join(f"{t!r},{f / 198.4!r},{f!r},{x * 104.0!r},{1e3 * x!r}" for t, x, f, _ in rows)
     text = f"Time (s),Force (V),Force (N),Displacement (V),Displacement (mm)\n{lines}\n"

@@ -65,7 +65,7 @@ def test_motion_label_ignores_current(dev):
 
 
 def test_smoothing_removes_only_sensor_noise(dev):
-    """The removed signal is white: a resolution of 3 um and noise of 1.5 to 2.3 um rms."""
+    """The removed signal is white noise of 1.5 to 2.3 um rms, as from a sensor with a resolution of 3 um."""
     for run in dev.select("utfsm_*"):
         prepared = prepare_run(run)
         taken = run.displacement - prepared.trajectory.displacement

@@ -74,7 +74,7 @@ def test_celsius_in_kelvin_column_is_rejected():
 
 
 @given(seed=st.integers(0, 1000), share=st.floats(0.0, 0.3))
-def test_time_jitter_is_not_mixed_sampling(seed, share):
+def test_run_with_time_jitter_is_valid(seed, share):
     fields = fields_of_run(duration=1.0)
     shaken = np.random.default_rng(seed).uniform(-share, share, len(fields["time"]))
     fields["time"] = fields["time"] + 0.001 * shaken
@@ -112,7 +112,7 @@ def test_dataset_fingerprint_ignores_order():
     assert _set_of("a", "c").fingerprint != runs.fingerprint
 
 
-def test_flickering_displacement_without_motion_is_rejected() -> None:
+def test_displacement_with_only_three_values_is_rejected() -> None:
     flicker = 3e-6 * np.random.default_rng(0).integers(-1, 2, 5001)
     with pytest.raises(InputError, match="takes only 3 values"):
         make_run(changed={"displacement": flicker.astype(np.float64)})

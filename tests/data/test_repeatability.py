@@ -32,7 +32,7 @@ def test_dashpot_cycle_energy_matches_formula(dashpot, spring, preload):
 
 
 def test_preload_dissipates_no_energy():
-    """The centre of the motion moves by up to 2 mm in a cycle."""
+    """The cycles are not closed, because the centre of the motion moves by up to 2 mm in a cycle."""
     moving = Harmonics((0.010, 0.008), (1.0, 0.04), (0.0, 0.0))
     found = [
         cycles(_prepared(lambda t, preload=preload: 100.0 * moving.velocity(t) + preload, moving))

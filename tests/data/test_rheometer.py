@@ -32,7 +32,7 @@ def table(tmp_path):
         ("Temperature [degF],viscosity_cP", "68,104", "150,110"),
     ],
 )
-def test_rheometer_headers_are_equivalent(table, header, temperature, viscosity):
+def test_rheometer_header_variants_give_same_table(table, header, temperature, viscosity):
     rows = zip(temperature.split(","), viscosity.split(","), strict=True)
     found = table(f"{header}\n" + "\n".join(",".join(row) for row in rows) + "\n")
     np.testing.assert_allclose(found.viscosity[0], [293.15, 313.15])
@@ -83,7 +83,7 @@ def test_magnetic_field_is_read_in_si(table, header, raw, unit, field):
     assert found.viscosity is None
 
 
-def test_rheometer_table_may_contain_both_properties(table):
+def test_rheometer_table_may_contain_viscosity_and_yield_stress(table):
     found = table(
         "temperature_degC,viscosity_Pas,field_mT,yield_stress_kPa\n20,0.15,,\n40,0.11,,\n20,,100,4\n40,,100,3.9\n"
     )

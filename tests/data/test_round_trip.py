@@ -88,7 +88,7 @@ def test_hdf5_types_and_shapes_are_read(tmp_path, order):
     assert set(table.said) == {"rig: bench 3", "coil_current_A: 0.5 A"}
 
 
-def test_hdf5_recordings_are_separate_parts(tmp_path):
+def test_hdf5_recordings_are_read_separately(tmp_path):
     path = tmp_path / "run.h5"
     with h5py.File(path, "w") as file:
         for k in (1, 2):
@@ -162,7 +162,7 @@ def test_numpy_arrays_and_fields_are_read(tmp_path):
 
 
 @pytest.mark.parametrize("units_first", [True, False])
-def test_name_lists_in_json_name_columns(tmp_path, units_first):
+def test_json_name_list_gives_column_names(tmp_path, units_first):
     names, units = ["t", "F", "x"], ["s", "N", ""]
     rows = [[0.25 * k, None if k == 2 else 3.0 * k, k] for k in range(ROWS)]
     words = {"units": units, "names": names} if units_first else {"names": names, "units": units}
@@ -252,7 +252,7 @@ def test_parquet_types_are_read(tmp_path):
     assert read_parquet(tmp_path / "words.parquet", PLAIN).rows == 0
 
 
-def test_brackets_in_parquet_name_are_literal(tmp_path):
+def test_brackets_in_parquet_column_name_are_literal(tmp_path):
     for name in ("run[1].parquet", "run*.parquet", "run1.parquet"):
         pl.DataFrame({name: [1.0], "note": ["a"]}).write_parquet(tmp_path / name)
     for name in ("run[1].parquet", "run*.parquet"):

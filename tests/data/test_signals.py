@@ -36,7 +36,7 @@ def test_differentiation_has_sixth_order():
 @pytest.mark.parametrize("rate", [200.0, 1000.0])
 @pytest.mark.parametrize("sigma", [2e-6, 2e-5])
 def test_noise_of_signal_is_measured(rate, sigma):
-    """5 % is two standard errors of a median over a quarter of the frequencies of 4001 samples."""
+    """The result is a median over a quarter of the frequencies. Its standard error is 2.5 %."""
     t = np.arange(20 * rate + 1) / rate
     noise = sigma * np.random.default_rng(1).standard_normal(len(t))
     x = Chirp(0.002, 0.5, 15.0, 20.0).displacement(t) + noise
@@ -44,7 +44,7 @@ def test_noise_of_signal_is_measured(rate, sigma):
 
 
 def test_periodic_rounding_counts_as_noise():
-    """A sine with 500 samples per period is rounded equally in every period."""
+    """The sine has 500 samples per period, so the rounding errors repeat in each period."""
     x = np.round(0.01 * np.sin(4 * np.pi * np.arange(7001) / 1000.0), 6)
     assert measure_spectrum(x, 1e-3).noise == pytest.approx(1e-6 / np.sqrt(12.0), rel=0.1)
 
@@ -142,7 +142,7 @@ def test_mains_hum_hardly_changes_cutoff_frequency():
     periods=st.integers(2, 20),
     is_sine=st.booleans(),
 )
-def test_label_of_periodic_motion_is_complete(amplitude, frequency, periods, is_sine):
+def test_periodic_motion_label_has_amplitude_and_frequency(amplitude, frequency, periods, is_sine):
     step = 1.0 / (200.0 * frequency)
     t = step * np.arange(200 * periods + 1)
     motion = Sine(amplitude, frequency) if is_sine else Triangle(amplitude, 4.0 * amplitude * frequency)

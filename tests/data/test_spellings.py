@@ -1,4 +1,4 @@
-"""Headers and blocks of texts and workbooks, generated at random from their parts, are parsed correctly."""
+"""Text files and workbooks with random combinations of titles, names, units and notes are parsed."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_names_units_and_titles_are_parsed(text):
 
 
 @pytest.mark.parametrize("delimiter", ["\t", ";", ",", "|"])
-def test_row_of_commands_completes_column_names(delimiter):
+def test_currents_above_header_complete_column_names(delimiter):
     lines = [
         delimiter.join(cells)
         for cells in (["", "0.5 A", "", "1 A", ""], ["t [s]", "x [mm]", "F [N]", "x [mm]", "F [N]"])
@@ -90,7 +90,7 @@ def test_row_of_commands_completes_column_names(delimiter):
 @pytest.mark.parametrize("ends", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("marked", [True, False])
 @pytest.mark.parametrize("last", [True, False])
-def test_line_ends_lose_no_sample(tmp_path, ends, marked, last):
+def test_line_endings_do_not_affect_samples(tmp_path, ends, marked, last):
     rows = ["t;x", *(f"{k};{k}.5" for k in range(12))]
     content = ends.join(rows) + (ends if last else "")
     (tmp_path / "run.csv").write_bytes((b"\xef\xbb\xbf" if marked else b"") + content.encode())
@@ -108,7 +108,7 @@ def test_line_ends_lose_no_sample(tmp_path, ends, marked, last):
 )  # fmt: skip
 @examples(15)
 def test_table_is_found_anywhere_on_sheet(tmp_path_factory, above, left, words, units, empty, comma):
-    """The table has titles above, empty columns and rows around, units under the names, and words below."""
+    """Titles are above the table, text below, and empty columns on the left. Rows may be empty."""
     path = tmp_path_factory.getbasetemp() / "spelled.xlsx"
     book = Workbook()
     notes = book.active

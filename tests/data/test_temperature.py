@@ -20,7 +20,7 @@ def noise(count: int, size: float, seed: int = 0) -> FloatArray:
 
 
 def measured_by_a_slow_sensor(true: FloatArray, step: float, lag: float) -> FloatArray:
-    """Return the reading of a first-order sensor in equilibrium at the start, exact for linear pieces."""
+    """Return the readings of a first-order sensor, if the true temperature is linear between samples."""
     shown = np.empty_like(true)
     shown[0] = true[0]
     decay = np.exp(-step / lag)
@@ -32,7 +32,7 @@ def measured_by_a_slow_sensor(true: FloatArray, step: float, lag: float) -> Floa
 
 @given(level=st.floats(250.0, 420.0), size=st.floats(0.0, 1.0), seed=st.integers(0, 99))
 def test_noisy_constant_temperature_becomes_its_mean(level, size, seed):
-    """The conditioned temperature is constant, and its error is the standard error of the mean."""
+    """The conditioned temperature is constant. Its error is at most five standard errors of the mean."""
     time = times(20.0)
     found = condition_temperature(level + noise(len(time), size, seed), 1 / 200.0)
     assert len(found) == len(time)
@@ -42,7 +42,7 @@ def test_noisy_constant_temperature_becomes_its_mean(level, size, seed):
 
 @pytest.mark.parametrize("step", [0.1, 1.0], ids=["short", "long"])
 def test_temperature_noise_is_not_drift(step):
-    """By chance, 40 samples with 5 K noise slope by several kelvin. At most 1 % of the runs keep a slope."""
+    """Noise of 5 K in 40 samples can look like a drift. This drift remains in at most 1 % of the runs."""
     runs = [condition_temperature(300.0 + noise(40, 5.0, seed), step) for seed in range(1000)]
     assert sum(np.ptp(run) > 0.0 for run in runs) <= 10
 
@@ -68,7 +68,7 @@ def test_exponential_warming_is_followed_within_0_3_K():
     assert np.abs(straight - true).max() > 2.0  # A straight line would have errors of more than 2 K.
 
 
-def test_warming_followed_by_cooling_is_followed():
+def test_temperature_follows_warming_and_cooling():
     """A straight line fitted to the run has no slope, but the means of the eighths of the run differ."""
     time = times(60.0)
     true = 300.0 + 10.0 * np.sin(np.pi * time / 60.0)
@@ -80,7 +80,7 @@ def test_warming_followed_by_cooling_is_followed():
 
 @given(slope=st.floats(0.2, 2.0), lag=st.floats(0.0, 10.0), sign=st.sampled_from([-1.0, 1.0]))
 def test_sensor_lag_at_constant_rate_is_compensated(slope, lag, sign):
-    """At a constant rate, a sensor shows T - lag dT/dt. The lag is compensated in short and long runs."""
+    """At a constant rate, the sensor reads T - lag dT/dt instead of the true temperature T."""
     for duration in (8.0, 40.0):
         time = times(duration, 100.0)
         true = 330.0 + sign * slope * time
@@ -90,7 +90,7 @@ def test_sensor_lag_at_constant_rate_is_compensated(slope, lag, sign):
 
 
 def test_sensor_lag_at_changing_rate_is_compensated():
-    """The time constants are 20 s (temperature) and 4 s (sensor). The error falls from 2.7 K to 0.003 K."""
+    """The sensor has a time constant of 4 s. Compensation reduces its error from 2.7 K to 0.003 K."""
     time = times(60.0)
     true = 300.0 + 20.0 * -np.expm1(-time / 20.0)
     shown = measured_by_a_slow_sensor(true, 1 / 200.0, 4.0)
@@ -101,7 +101,7 @@ def test_sensor_lag_at_changing_rate_is_compensated():
 
 
 @given(offset=st.floats(-40.0, 40.0), seed=st.integers(0, 20), rise=st.floats(0.0, 30.0))
-def test_temperature_shift_shifts_conditioned_temperature(offset, seed, rise):
+def test_temperature_offset_shifts_conditioned_temperature(offset, seed, rise):
     time = times(30.0, 50.0)
     shown = 320.0 + rise * time / 30.0 + noise(len(time), 0.2, seed)
     expected = condition_temperature(shown, 0.02) + offset

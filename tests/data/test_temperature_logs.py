@@ -33,7 +33,7 @@ def logged(begin: datetime = LOG_BEGIN, minutes: float = 40.0) -> list[tuple[dat
 
 
 def texts(head: Callable[[datetime], str], form: str = "", name: str = "run_{}.csv") -> Writer:
-    """Return a writer of runs as text, with a time in seconds or with time stamps in this format."""
+    """Return a function that writes the runs with time in seconds or with time stamps of format ``form``."""
 
     def writer(folder: Path) -> None:
         for k, (run, start) in enumerate(zip(RUNS, STARTS, strict=True)):
@@ -223,7 +223,7 @@ def test_log_without_time_zone_is_unused(tmp_path):
     assert_warm(read_each(tmp_path))
 
 
-def test_log_of_other_day_is_reported(tmp_path):
+def test_temperature_log_of_other_day_is_reported(tmp_path):
     HEADERS(tmp_path)
     iso_log(tmp_path, [(time + timedelta(days=1), value) for time, value in logged()])
     read = read_each(tmp_path)
@@ -240,7 +240,7 @@ def test_temperature_log_without_date_is_reported(tmp_path):
     assert all(run.temperature is None for run in read.runs)
 
 
-def test_run_without_start_ignores_temperature_log(tmp_path):
+def test_run_without_start_time_ignores_temperature_log(tmp_path):
     texts(lambda _: SECONDS)(tmp_path)
     iso_log(tmp_path)
     read = read_each(tmp_path)
@@ -249,7 +249,7 @@ def test_run_without_start_ignores_temperature_log(tmp_path):
 
 
 @pytest.mark.parametrize(("minutes", "count"), [(13.5, 1), (18.0, 2), (12.75, 0)])
-def test_partial_log_is_used_for_covered_runs(tmp_path, minutes, count):
+def test_short_temperature_log_supplies_covered_runs(tmp_path, minutes, count):
     HEADERS(tmp_path)
     iso_log(tmp_path, logged(minutes=minutes))
     read = read_each(tmp_path)
@@ -263,7 +263,7 @@ def test_temperature_log_gap_is_not_interpolated(tmp_path):
     assert [run.temperature is not None for run in read_each(tmp_path).runs] == [True, False, True]
 
 
-def test_run_temperature_precedes_log(tmp_path):
+def test_run_temperature_overrides_temperature_log(tmp_path):
     texts(lambda start: f"Start: {start:%Y-%m-%d %H:%M:%S}\nOil temperature: 60 degC\n{SECONDS}")(tmp_path)
     iso_log(tmp_path)
     read = read_each(tmp_path)

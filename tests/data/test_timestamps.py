@@ -68,7 +68,7 @@ def test_ambiguous_date_that_changes_is_invalid():
     assert np.isnan(seconds("11/12/2026 23:59:59", "12/12/2026 00:00:00")).tolist() == [False, True]
 
 
-def test_12_hour_clock_separates_noon_and_midnight():
+def test_12_hour_clock_distinguishes_noon_from_midnight():
     assert np.array_equal(seconds("12:00:00 AM", "12:00:00 PM", "1:00:00 pm"), [0.0, 43200.0, 46800.0])
 
 
@@ -81,13 +81,13 @@ def a_file(path, form="%Y-%m-%dT%H:%M:%S.%f", header="Timestamp"):
 
 
 @pytest.mark.parametrize("header", ["Timestamp", "Time", "Time [hh:mm:ss]", "Date and time"])
-def test_column_of_times_gives_run_time(tmp_path, header):
+def test_timestamp_column_gives_run_time(tmp_path, header):
     (run,) = read_run(a_file(tmp_path / "run.csv", header=header))
     assert np.allclose(run.time, RUN.time - RUN.time[0], atol=2e-6)
     assert np.allclose(run.force, RUN.force, atol=1e-6)
 
 
-def test_sample_rate_in_map_precedes_timestamps(tmp_path):
+def test_sample_rate_in_map_overrides_timestamps(tmp_path):
     """Many programs write time stamps in whole seconds although they sample every few milliseconds."""
     file = a_file(tmp_path / "run.csv", "%H:%M:%S")
     (tmp_path / "map.toml").write_text("[constant]\nrate_Hz = 200\n", encoding="utf-8")

@@ -64,7 +64,7 @@ def full(folder: Path) -> None:
 
 
 def listed(name: str, text: Callable[[str, float], str], head: str = "") -> Callable[[Path], None]:
-    """Return a writer of runs without current, and of a document with one text for each of them."""
+    """Return a function that writes the runs without current, and a document with a text for each run."""
 
     def writer(folder: Path) -> None:
         bare(folder)
@@ -184,7 +184,7 @@ def sheets(folder: Path, *, listed: bool) -> None:
 
 
 def clocked(run: RigRun, head: str, part: Callable[[float], str]) -> str:
-    """Return a text with a channel table, a clock of whole seconds, and blanks after the signs."""
+    """Return a text with a list of channels, times in whole seconds, and blanks between sign and number."""
     channels = "CH,Signal,Range,Span\nCH1,Stroke,10V,- 50,mm\nCH2,Load,5V,+ 5000,N\nCH3,Coil,1V,+ 5,A\nData\n"
     rows = (
         f"2026/03/12 10:21:{10 + int(t + 1e-9)},{part(t)}"
@@ -464,8 +464,8 @@ LISTS = {"list.md": "| File | Current (A) |\n|---|---|\n| {} | 1.5 |\n", "plan.t
 
 
 @pytest.mark.parametrize(("name", "lists"), [("run_0.5A.csv", ["list.md"]), ("run_1.csv", [*LISTS])])
-def test_contradictory_statements_require_an_answer(tmp_path, name, lists):
-    """The question has the sources and the values of all statements."""
+def test_contradictory_currents_require_answer(tmp_path, name, lists):
+    """The question states each current and the document or file name that states this current."""
     write(tmp_path, name, BARE + table(*columns(RUNS[0])[:3]))
     for each_list in lists:
         write(tmp_path, each_list, LISTS[each_list].format(name))
@@ -476,8 +476,8 @@ def test_contradictory_statements_require_an_answer(tmp_path, name, lists):
 
 
 @pytest.mark.parametrize("name", ["RUN.OUT", "run.log", "run.json"])
-def test_motion_and_force_without_current_is_a_question(tmp_path, name):
-    """A file with any suffix is a run if it has a motion and a force. Only other files are left out."""
+def test_run_without_current_leads_to_question(tmp_path, name):
+    """A file with motion and force is a run, whatever its suffix. Other files are ignored."""
     full(tmp_path)
     write(
         tmp_path,
@@ -493,14 +493,14 @@ def test_motion_and_force_without_current_is_a_question(tmp_path, name):
 
 
 def test_table_of_peaks_is_no_run(tmp_path):
-    """All its columns of displacement are constant."""
+    """The displacement columns ``Smax`` and ``Smin`` are constant."""
     full(tmp_path)
     rows = "".join(f"{k},{250 + k},-250,14,-14\n" for k in range(4))
     write(tmp_path, "peaks.csv", f"Cycle,Fmax [N],Fmin [N],Smax [mm],Smin [mm]\n{rows}")
     assert_read(read_runs(tmp_path))
 
 
-def test_folder_without_runs_states_a_reason(tmp_path):
+def test_message_for_folder_without_runs_states_reason(tmp_path):
     write(
         tmp_path,
         "pump.DTA",
@@ -527,8 +527,8 @@ def test_ambiguous_scale_factor_leads_to_question(tmp_path):
     assert np.allclose(read.displacement, run.displacement, atol=2e-9)
 
 
-def test_minimum_and_maximum_samples_are_rejected(tmp_path):
-    """The minimum and maximum of an oscilloscope at one time are not samples at twice the rate."""
+def test_rows_of_minimum_and_maximum_are_rejected(tmp_path):
+    """An oscilloscope may save the minimum and the maximum at one time in two rows."""
     run = RUNS[1]
     rows = [
         row for t, x, f, i in zip(*columns(run), strict=True) for row in ((t, x, f - 1, i), (t, x, f + 1, i))
@@ -547,7 +547,7 @@ def test_source_of_archived_run_names_archive(tmp_path):
 
 
 def test_question_names_sheet_and_path_in_archive(tmp_path):
-    """An answer may name the folder of a run because files in several folders have one name."""
+    """In the archive, the files of all folders have the same name. Therefore answers contain the folder."""
     sheets(tmp_path, listed=False)
     with pytest.raises(AskingError, match=r"day\.xlsx, sheet 'Test 7': no current"):
         read_runs(tmp_path / "day.xlsx")
