@@ -47,7 +47,7 @@ DECLARED = {
 @pytest.mark.parametrize("place", ["run", "file", "folder"])
 @pytest.mark.parametrize("quantity", DECLARED)
 def test_run_contradicting_its_name_is_reported(place, quantity):
-    """The run has 2 Hz, a stroke of 20 mm, 0.5 A and 40 degC. A name states another value."""
+    """The run has 2 Hz, a stroke of 20 mm, 0.5 A and 40 degC. The file name states another value."""
     text, channel, size = DECLARED[quantity]
     run = warm(run_of(f"test_{text}_b" if place == "run" else "run"), 40.0)
     source = {"run": "run.csv", "file": f"test_{text}.csv", "folder": f"of {text}/run.csv"}[place]
@@ -87,7 +87,7 @@ def test_deviating_stroke_or_frequency_is_found(kind, quantity, least, sign):
         (size - 2e-3, size, size + 2e-3), abs=2e-4
     )
     assert list(find_odd_siblings([*others[:2], run])) == []
-    named = replace(run, name="sine_2.1Hz_11mm")  # The name declares that this motion is meant.
+    named = replace(run, name="sine_2.1Hz_11mm")  # The file name states this motion, so it is intended.
     assert list(find_odd_siblings([*others, named])) == []
 
 

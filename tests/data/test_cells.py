@@ -1,4 +1,4 @@
-"""Cells of text files: delimiters, quotes and spellings of numbers."""
+"""Lines of text files are split into cells, and numbers in many notations are read."""
 
 from __future__ import annotations
 

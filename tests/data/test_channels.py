@@ -1,4 +1,4 @@
-"""Channel maps: meaning of their entries, and messages about invalid maps."""
+"""Entries of a channel map are applied, and an invalid channel map gives a message."""
 
 import numpy as np
 import pytest

@@ -148,7 +148,7 @@ def hdf5_rate(path: Path, channels: Channels) -> None:
 
 
 def hdf5_groups(path: Path, channels: Channels) -> None:
-    """Write an HDF5 file with one group per channel, which contains its samples and its times."""
+    """Write an HDF5 file with a group for each channel. A group contains samples and times."""
     import h5py
 
     with h5py.File(path, "w") as file:
@@ -207,7 +207,7 @@ def labview_times(path: Path, channels: Channels) -> None:
 
 
 def time_series(channels: Channels) -> dict[str, Any]:
-    """Return a structure per channel with its times, like a MATLAB time series."""
+    """Return a structure of samples and times for each channel, as a MATLAB time series is saved."""
     return {
         f"channel_{k}": {"Name": name, "Time": each.time, "Data": each.values, "Unit": each.unit}
         for k, (name, each) in enumerate(channels.items())

@@ -59,7 +59,7 @@ def test_joined_parts_equal_original_run(shared_sample: bool):
     ids=["clock from zero", "gap", "current", "amplitude", "jump", "temperature", "same file"],
 )
 def test_runs_of_different_tests_stay_separate(change):
-    """A run with a different clock, current, motion or temperature belongs to a different test."""
+    """A run that does not continue the time, current, motion or temperature belongs to a different test."""
     first, second, _ = parts(sine_run())
     joined, continued = join_continuations(Dataset((first, change(second))))
     assert continued == ()

@@ -165,7 +165,7 @@ def test_continued_mts_acquisitions_are_joined(tmp_path):
     assert read_file(tmp_path / "apart.dat").layout.notes == ("2 blocks of rows",)
 
 
-# ------------------------------------------------------------------------------------------- groups
+# ------------------------------------------------------------------------------------------- MDF and HDF5
 
 
 def test_invalid_mdf_samples_are_nan(tmp_path):

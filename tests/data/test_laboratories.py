@@ -1,4 +1,4 @@
-"""Files in the layouts and languages of laboratories are read without a map, or lead to a question.
+"""Laboratory files in many layouts and languages are read without a channel map or lead to a question.
 
 Each test writes a folder of files from one motion at three currents, so the true values are known.
 """

@@ -1,4 +1,4 @@
-"""Rows of a table are divided into runs, and header words select the columns."""
+"""Displacement is integrated from velocity, and header words select columns."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def table(**columns: object) -> Table:
 @pytest.mark.parametrize("cycles", [3.7, 4.0, 4.3])  # The number of reversals is even or odd.
 @pytest.mark.parametrize("offset", [0.0, 0.02])
 def test_velocity_is_integrated_without_drift(offset, cycles):
-    """The drift is determined over whole cycles because a line fitted to a part of a sine has a slope."""
+    """The drift is found over whole cycles, because a line fitted to a part of a sine has a slope."""
     time = 0.1 * STEP_s * np.arange(round(1000 * cycles))
     velocity = 0.05 * np.cos(2.0 * np.pi * time + 0.4) + offset
     found = integrated(Piece(time=time, channels={"velocity": velocity}))

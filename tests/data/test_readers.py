@@ -148,7 +148,7 @@ def test_segment_count_must_equal_command_count(tmp_path):
 
 
 def test_channel_map_completes_header(tmp_path):
-    """The map is required only for quantities that the header does not describe."""
+    """A channel map is required only for quantities that the header does not describe."""
     text = _text("time_s,CH1,Force,current_A", scales=(1.0, 1e3, 1.0, 1.0))
     channels = ChannelMap.from_dict(
         {"channel": {"displacement": {"name": "CH1", "unit": "mm"}, "force": {"unit": "N"}}}

@@ -77,7 +77,7 @@ def test_smoothing_removes_only_sensor_noise(dev):
 
 
 def test_smoothed_velocity_at_rest_is_quiet(dev):
-    """Before the press starts, the rms velocity is below 0.2 mm/s. Raw differences at 1 kHz have 2 mm/s."""
+    """Before the press moves, the rms velocity is below 0.2 mm/s. Without smoothing, it is 2 mm/s."""
     for run in dev.select("utfsm_sine_10mm2Hz_*", "utfsm_sine_5mm3Hz_*"):
         velocity = prepare_run(run).trajectory.velocity
         assert np.std(velocity[:80]) < 0.2e-3

@@ -36,7 +36,7 @@ class Text:
 
 @st.composite
 def texts(draw: st.DrawFn) -> Text:
-    """Draw titles, names, units (in, under or above the names), comment signs, quotes and empty lines."""
+    """Draw a text with random titles, column names, units, comment signs, quotes and empty lines."""
     delimiter = draw(st.sampled_from("\t;,| "))
     names = draw(st.lists(st.sampled_from(sorted(NAMES)), min_size=2, max_size=5, unique=True))
     units = [NAMES[name] for name in names]

@@ -1,4 +1,4 @@
-"""Further layouts of laboratories (headers, lists, containers, cells) are read without a map."""
+"""Further layouts of laboratories (headers, lists, archives, cells) are read without a channel map."""
 
 from __future__ import annotations
 
@@ -438,7 +438,7 @@ def test_stated_temperature_is_read(tmp_path, layout):
 
 
 def test_settings_file_supplies_current_of_run(tmp_path):
-    """The current is in a JSON file with the name of the run, or in a text file of a folder with one run."""
+    """The current is in a JSON file with the name of the run, or in a text file next to a single run."""
     for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
         write(tmp_path, f"a/run_{k}.csv", BARE + table(*columns(run)[:3]))
         write(tmp_path, f"a/run_{k}.json", json.dumps({"damper": "D7", "current_A": current}))
