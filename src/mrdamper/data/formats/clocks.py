@@ -121,7 +121,8 @@ def with_samplings(
     times = {name: times_of(starts[name] - zero, each.step_s, channels[name]) for name, each in known.items()}
     clocked = with_times(replace(table, start=start), times)
     clocks = dict(clocked.clocks)
-    for name in channels.keys() - known.keys():  # These channels use the only clock of equal length.
+    # A channel without a stated clock uses the only clock that has as many samples.
+    for name in channels.keys() - known.keys():
         fitting = {clocked.clocks[other] for other in known if channels[other] == channels[name]}
         if len(fitting) == 1:
             clocks[name] = fitting.pop()
@@ -161,10 +162,10 @@ def is_same_clock(times: FloatArray, other: FloatArray) -> bool:
 
 
 def _with_begin(known: Mapping[str, Sampling]) -> dict[str, Sampling]:
-    """Return the samplings of channels that can share a time zero.
+    """Return the samplings of the channels that can be placed on one time axis.
 
-    If the file states at most one start, it applies to all channels. Otherwise the channels without a start
-    are omitted.
+    If the file states at most one start, all channels begin together. If the file states several starts,
+    the channels without a start are omitted.
     """
     begins = {each.began_s for each in known.values()} - {None}
     if len(begins) == 1:
@@ -197,4 +198,4 @@ def _moment(value: object, unit: str) -> Moment | None:
     moment = moment_of(f"{as_text(value)}")
     if moment is None or moment.day_first_s == LABVIEW_EPOCH_s:
         return None
-    return replace(moment, is_utc=moment.is_utc or isinstance(value, np.datetime64))  # TDMS counts in UTC.
+    return replace(moment, is_utc=moment.is_utc or isinstance(value, np.datetime64))  # npTDMS: UTC

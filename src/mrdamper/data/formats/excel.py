@@ -1,7 +1,7 @@
-"""Excel workbooks (.xlsx, .xlsm): tables from each sheet with rows of numbers, or from the named sheet.
+"""Read tables from Excel workbooks (.xlsx, .xlsm): from the named sheet, or the first with rows of numbers.
 
-A workbook is a zip archive, which can be larger than the memory when unpacked. The unpacked size and the
-number of cells are counted before the workbook is read.
+A workbook is a zip archive. The unpacked content can be larger than the memory. Therefore the unpacked size
+and the number of cells are checked before the workbook is read.
 """
 
 from __future__ import annotations
@@ -29,14 +29,18 @@ _TABLE = "{urn:oasis:names:tc:opendocument:xmlns:table:1.0}"
 _OFFICE = "{urn:oasis:names:tc:opendocument:xmlns:office:1.0}"
 _CELL = re.compile(rb"\br\s*=\s*[\"']([A-Za-z]{1,9})(\d{1,12})[\"']")
 
-_ROW = re.compile(rb"<table:table-row.*?</table:table-row>", re.DOTALL)  # of an OpenDocument sheet
+# A row of a sheet in an OpenDocument file (.ods).
+_ROW = re.compile(rb"<table:table-row.*?</table:table-row>", re.DOTALL)
 _REPEATED = {kind: re.compile(rf'{kind}-repeated="(\d{{1,9}})"'.encode()) for kind in ("rows", "columns")}
 
 Row = list[Any]
 
 
 def read_workbook(path: Path, options: FileOptions) -> Table:
-    """Return the table on the named or first sheet with samples; ``more`` has the names of further sheets."""
+    """Return the table on the named sheet, or on the first sheet with samples.
+
+    ``Table.more`` has the names of the other sheets with samples.
+    """
     book = _open(path)
     names = list(book.sheet_names)
     if options.part and options.part not in names:
@@ -51,7 +55,7 @@ def read_workbook(path: Path, options: FileOptions) -> Table:
         sheets[name] = lines = ["\t".join(map(_spelled, row)) for row in above]
         if find_data(lines, "\t")[1] is not None:
             found.append((name, lines, chain(above, rows)))
-    # A list of runs names several of the other sheets.
+    # A sheet that contains the names of several other sheets is a list of runs.
     listing = {name for name in sheets if len(_cells(sheets[name]) & ({*names} - {name})) > 1}
     found = [each for each in found if each[0] not in listing and holds_samples(each[1], "\t")] or found
     if not found:
@@ -71,7 +75,7 @@ def _cells(lines: Sequence[str]) -> set[str]:
 
 
 def sheet_lines(path: Path) -> list[str]:
-    """Return the rows of all sheets, cells separated by tabs. The sheets may be an OpenDocument file."""
+    """Return the rows of all sheets of an Excel or OpenDocument file, cells separated by tabs."""
     if path.suffix.lower() == ".ods":
         return _open_document_lines(path)
     book = _open(path)
@@ -103,7 +107,6 @@ def _open(path: Path) -> Any:  # noqa: ANN401 - python-calamine has no types
 
 
 def _table(path: Path, sheet: str, rows: Sequence[Row], options: FileOptions) -> Table:
-    """Return the table on a sheet. The cells are written as a text and parsed by the text reader."""
     words = [cell for row in rows[: SETTINGS.header_lines_max] for cell in row if isinstance(cell, str)]
     decimal = options.decimal or find_decimal(path, words, "\t") or "."
     text = "\n".join("\t".join(_spelled(cell, decimal) for cell in row) for row in rows) + "\n"
@@ -152,7 +155,8 @@ def _require_few_repeats(path: Path, content: bytes) -> None:
     """Raise InputError if repeated rows and cells of an OpenDocument sheet need too much memory."""
     cells = 0
     for row in _ROW.findall(content):
-        if b"office:value" in row:  # Empty rows at the end of a sheet are repeated up to a million times.
+        # Rows without a value are not counted: programs repeat the last, empty row up to a million times.
+        if b"office:value" in row:
             times, wide = (sum(map(int, _REPEATED[kind].findall(row))) for kind in ("rows", "columns"))
             cells += max(times, 1) * (wide + row.count(b"<table:table-cell"))
     if cells > SETTINGS.sheet_cells_max:

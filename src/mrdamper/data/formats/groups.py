@@ -1,4 +1,4 @@
-"""Tables of arrays from groups and structures: names of columns, repeated recordings, attributes, clocks."""
+"""Tables of the arrays in a file with groups or structures: column names, recordings, attributes, clocks."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ class StoredArray:
     ``settings`` are the attributes and single values of its groups and then of the array itself.
     """
 
-    path: tuple[str, ...]  # The names of its groups come first, its own name is last.
+    path: tuple[str, ...]  # Names of the groups from outside to inside, then of the array.
     size: int
     read: Callable[[], FloatArray]
     unit: str = ""
     settings: Mapping[str, object] = field(default_factory=dict)
-    is_clock: bool = False  # True: the times that the format itself states for a group
+    is_clock: bool = False  # True: the format defines the array as times of a group
 
     @property
     def name(self) -> str:
@@ -39,7 +39,7 @@ class StoredArray:
 
     @property
     def is_setting(self) -> bool:
-        """Return True if the array is the start time, time step or rate of a structure, and not a column."""
+        """Return True if the array is a single start time, time step or sampling rate in a structure."""
         return self.size == 1 and len(self.path) > 1 and is_setting_of_time(self.name)
 
     @property
@@ -54,11 +54,11 @@ class StoredArray:
 def table_of_arrays(
     arrays: Iterable[StoredArray], file: Path, layout: Layout, units: Mapping[tuple[str, ...], str]
 ) -> Table:
-    """Return the table of the arrays in ``layout.part``. Of several recordings, only the first is returned.
+    """Return the table of the arrays in ``layout.part``, or of the first of several recordings in this part.
 
     Parameters
     ----------
-    units : path -> text; a text in a structure such as ``units`` is the unit of the array with its name
+    units : path -> text. A text with the path ``units.force`` is the unit of the array ``force``.
     """
     inside = [each for each in rename_by_structures(arrays) if is_in_part(each.path, layout.part)]
     others = recordings_in([each.path for each in inside if each.size > 1 and not each.is_clock])
@@ -89,10 +89,10 @@ def table_of_arrays(
 
 
 def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
-    """Return a table in which each column has a clock.
+    """Return the table with a clock for each column: a time column, or a start and a time step.
 
-    If the file has several columns of times, a column uses the times of the nearest enclosing group.
-    Otherwise the clock is the stated start and step.
+    If the file has several time columns, a column uses the time column in the nearest enclosing group.
+    Otherwise the attributes state the start and the time step of a column.
     """
     times: dict[tuple[str, ...], str] = {}
     for name, each in arrays.items():
@@ -126,10 +126,10 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
 
 
 def rename_by_structures(arrays: Iterable[StoredArray]) -> list[StoredArray]:
-    """Return arrays renamed after their structure if only the structure is named after a channel.
+    """Return the arrays, with the name of the structure for samples that have only a general name.
 
-    A structure ``force`` with ``Time`` and ``Data`` is the channel ``force`` with its times. The times are in
-    seconds, as in MATLAB's time series.
+    A structure ``force`` with the arrays ``Time`` and ``Data`` is the channel ``force`` with its times. Such
+    times are in seconds, as in MATLAB's time series.
     """
     arrays = list(arrays)
     inside: dict[tuple[str, ...], list[StoredArray]] = {}
@@ -160,9 +160,9 @@ def _names_a_channel(name: str) -> bool:
 
 
 def recordings_in(paths: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    """Return the groups that record the same channels, as values for ``FileOptions.part``.
+    """Return the paths of the groups that are recordings of the same channels.
 
-    ``paths`` are the paths of the channels. The result is empty if no two groups have the same channels.
+    ``paths`` are the paths of all channels. The result is empty if no two groups have the same channels.
     """
     for depth in range(1, max(map(len, [*paths, ()]))):
         inside: dict[tuple[str, ...], set[tuple[str, ...]]] = {}
@@ -181,10 +181,10 @@ def recordings_in(paths: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
 
 
 def with_values_of_runs(arrays: Sequence[StoredArray]) -> list[StoredArray]:
-    """Return arrays with the values of their run as settings, from arrays with one value for each run.
+    """Return the arrays of all runs; ``settings`` of an array also have the values that apply to its run.
 
-    The runs are groups with numbers in their names, such as the matrices ``run1`` to ``run4`` next to
-    ``current_A = [0 0.5 1 1.5]``. The values have the order of these numbers.
+    A file may have the runs ``run1`` to ``run4`` and an array ``current_A = [0 0.5 1 1.5]`` with one value
+    for each run. The values are in the order of the run numbers.
     """
     runs = recordings_in([each.path for each in arrays if each.size > 1 and not each.is_clock])
     numbers = {run: int(digits[-1]) for run in runs if (digits := re.findall(r"\d{1,9}", run))}
@@ -206,7 +206,7 @@ def with_values_of_runs(arrays: Sequence[StoredArray]) -> list[StoredArray]:
 
 
 def is_in_part(path: Sequence[str], part: str) -> bool:
-    """Return True if a channel is in a group, given by its name or by its path."""
+    """Return True if a channel is in the group ``part``: the name or the path of a group, or "" for all."""
     groups = path[:-1]
     return not part or part in groups or any("/".join(groups[:k]) == part for k in range(len(path)))
 

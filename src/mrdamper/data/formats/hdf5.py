@@ -32,7 +32,7 @@ def read_hdf5(path: Path, options: FileOptions) -> Table:
 
 
 class _Structure(dict[str, Any]):
-    """Members of a group, with its attributes."""
+    """Values in a group by name. ``settings`` are the attributes of the group."""
 
     settings: Mapping[str, object]
 
@@ -57,7 +57,7 @@ class _DataSet:
 
 
 class _Tree:
-    """Conversion of groups, and of the references of MATLAB's structures and cells, to values by name."""
+    """Converter of groups to values by name. References in MATLAB's structures and cells are followed."""
 
     def __init__(self, h5py: Any, file: Any, path: Path, matlab: bool) -> None:  # noqa: ANN401, FBT001 - no types
         self._h5py, self._file, self._path, self._matlab = h5py, file, path, matlab
@@ -65,7 +65,8 @@ class _Tree:
 
     def structure(self, group: Any) -> Any:  # noqa: ANN401 - h5py has no types
         """Return the members of a group that are stored in the file; a list for an array of structures."""
-        names = [name for name in group if not (self._matlab and name.startswith("#"))]  # "#refs#"
+        # MATLAB stores the targets of references in a group "#refs#".
+        names = [name for name in group if not (self._matlab and name.startswith("#"))]
         links = {name: group.get(name, getlink=True) for name in names}
         members = {name: group[name] for name, at in links.items() if isinstance(at, self._h5py.HardLink)}
         listed = [self._refers(item) and "MATLAB_class" not in item.attrs for item in members.values()]
@@ -105,7 +106,7 @@ class _Tree:
         return self._h5py.check_ref_dtype(item.dtype) is self._h5py.Reference
 
     def _referred(self, item: Any) -> list[Any]:  # noqa: ANN401 - h5py has no types
-        # MATLAB numbers the elements along columns, which are rows in the file.
+        # MATLAB stores an array transposed. Row order in the file is MATLAB's order, column by column.
         given = np.ravel(item[()])[: SETTINGS.element_count_max]
         return [self._file[reference] if reference else None for reference in given]
 

@@ -2,7 +2,7 @@
 
 Source: NI's "Specification for the LabVIEW Measurement File (.lvm)". Each write to a file makes a segment.
 A segment that continues the time of the previous segment belongs to the same recording. Other segments are
-separate recordings. If x restarts in each segment, a segment starts at its stated date and time of day.
+separate recordings. If the time column restarts in each segment, the header of a segment states the start.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Tags = Mapping[str, list[str]]
 
 
 def read_lvm(path: Path, _options: FileOptions) -> Table:
-    """Return the first segment of a LabVIEW measurement file; ``following`` contains later segments."""
+    """Return the first recording in a LabVIEW measurement file; ``Table.following`` has the later ones."""
     head = read_head(path)
     with open_text_bytes(path) as stream:
         content = stream.read()
@@ -143,7 +143,8 @@ def _with_clock(table: Table, tags: Tags) -> Table:
 def _with_time(table: Table, own: Sampling, first: Sampling) -> Table:
     """Return the table of a segment with a column of times [s].
 
-    If the times of a segment begin at zero, the start of the segment relative to the first segment is added.
+    ``own`` and ``first`` are the samplings of this segment and of the first segment. If the times begin at
+    zero, the delay of this segment after the first segment is added.
     """
     if table.clocks or (table.step_s is None and "time" not in table.columns):
         return table

@@ -45,11 +45,11 @@ def read_mat(path: Path, options: FileOptions) -> Table:
         head = stream.read(84)
         stream.seek(0)
         parts = [("", io.BytesIO(stream.read()))] if _is_version_4(head) else varmats_from_mat(stream)
-    part: Any  # The stubs of SciPy allow only paths here, SciPy itself reads buffers.
+    part: Any  # whosmat and loadmat also read buffers, although the type stubs of SciPy allow only paths.
     for name, part in parts:
         try:
             held = whosmat(part)
-        except TypeError:  # An object has no shape.
+        except TypeError:  # whosmat fails for an object, which has no shape.
             require_room(part.getbuffer().nbytes * SETTINGS.unpacked_ratio_max, path, name)
             held = []
         for _, shape, kind in held:

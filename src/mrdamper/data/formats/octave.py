@@ -22,7 +22,7 @@ def read_octave(path: Path, options: FileOptions) -> Table:
 
 
 def _tag(lines: Iterator[str], key: str) -> str:
-    """Return the value of the next tag with this key, "" at the end of the file."""
+    """Return the value in the next line ``# key: value``, "" at the end of the file."""
     begin = f"# {key}:"
     return next((line.removeprefix(begin).strip() for line in lines if line.startswith(begin)), "")
 

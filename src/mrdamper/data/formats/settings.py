@@ -25,7 +25,7 @@ class ReadingSettings:
     element_count_max: int = 4096  # elements of a list or struct array in which signals are searched
     empty_record_columns_min: int = 3  # A single line with this many names is a header without samples.
 
-    # Notes of a file that are kept
+    # Size of the texts that are stored from a file
     attribute_lines_max: int = 64
     attribute_length_max: int = 200
     listed_names_max: int = 8  # max number of names in one remark
@@ -39,9 +39,9 @@ class ReadingSettings:
     # Time
     continuation_max_steps: float = 1.5  # A piece after a longer pause is a separate recording.
     clock_tolerance_steps: float = 0.01  # Clocks that differ by less than this fraction of a step are equal.
-    unix_time_min_s: float = 1e9  # Larger times are seconds since 1970, up to the next limit.
-    unix_time_max_s: float = 2.2e9  # Larger times count from another day, such as the days of Excel.
-    time_zone_ambiguity_max_K: float = 1.0  # max effect of an unknown time zone on the temperatures of runs
+    unix_time_min_s: float = 1e9  # Times between these two limits are seconds since 1970.
+    unix_time_max_s: float = 2.2e9  # Larger times are counted from a different day, as in Excel.
+    time_zone_ambiguity_max_K: float = 1.0  # max temperature difference of a run between possible time zones
 
     # Shape of a column
     swing_ratio_min: float = 0.2  # min change of the signal after a reversal / range of the signal
@@ -51,7 +51,7 @@ class ReadingSettings:
     # same quantity, and the correlation of the two columns are both below these limits.
     noise_range_ratio_max: float = 0.01
     noise_correlation_max: float = 0.5
-    level_part_count: int = 16  # number of parts of a column; their medians reveal a step in noise
+    level_part_count: int = 16  # The medians of this number of parts of a column show a step in noise.
 
 
 SETTINGS = ReadingSettings()

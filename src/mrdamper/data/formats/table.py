@@ -35,12 +35,12 @@ Texts = list[str | None]
 
 @dataclass(frozen=True, slots=True)
 class FileOptions:
-    """Settings of a channel map about the file itself; "" means automatic."""
+    """Options of a channel map for the reading of a file; "" means automatic detection."""
 
     part: str = ""  # sheet of a workbook, group of a TDMS, MDF, HDF5 or MAT file
     delimiter: str = ""
     decimal: str = ""  # "." or ","
-    common_time: bool = False  # True: use the time that all channels have in common
+    common_time: bool = False  # True: use only the time span that all channels cover
 
     def __post_init__(self) -> None:
         if self.delimiter not in {"", ",", ";", "\t", "|", " "}:
@@ -92,8 +92,8 @@ class NoTableError(InputError):
 class Moment:
     """A time stamp [s]: since 1970, or since midnight if the date is missing.
 
-    A date such as 11/12/2026 is ambiguous: the day or the month can come first. For other dates both
-    values are equal.
+    In an ambiguous date, such as 11/12/2026, the day or the month can come first. For any other date,
+    ``day_first_s`` and ``month_first_s`` are equal.
     """
 
     day_first_s: float
@@ -120,18 +120,19 @@ class Table:
     step_s: float | None = None  # Sampling interval that the file states apart from the columns.
     # Units that the file states separately from the names of the columns.
     units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
-    clocks: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))  # column -> clock number
+    # column -> number of its clock. Columns with the same number have the same times.
+    clocks: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
     recorded_apart: bool = False  # True: the channels may begin and end at different times
     # Columns that were converted from times of day or dates, with the moment of their first value.
     stamps: Mapping[str, Moment] = field(default_factory=lambda: MappingProxyType({}))
     start: Moment | None = None  # Moment of time zero.
     title: str = ""  # Title of the sheet, group or structure.
-    said: tuple[str, ...] = ()  # Lines above the table, or lines "name: value" of its attributes.
+    said: tuple[str, ...] = ()  # Lines above the table, or attributes as lines "name: value".
     # Factors that the file states for columns and that were not applied.
     scales: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
-    more: tuple[str, ...] = ()  # Further parts of the file with tables, as values for ``FileOptions.part``.
+    more: tuple[str, ...] = ()  # Names of other sheets or groups with tables, for ``FileOptions.part``.
     following: tuple[Table, ...] = ()  # Further tables of the same part.
-    # Lines of the sheets that are not samples, such as a list of runs.
+    # name of a sheet without samples, such as a list of runs -> lines of the sheet
     lists: Mapping[str, Sequence[str]] = field(default_factory=lambda: MappingProxyType({}))
 
 

@@ -26,7 +26,7 @@ from mrdamper.data.formats.table import (
 from mrdamper.errors import InputError
 
 _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units")
-_NUMBERS, _WORDS = "fiubmM", "OSU"  # kinds of NumPy types
+_NUMBERS, _WORDS = "fiubmM", "OSU"  # values of NumPy's ``dtype.kind``
 
 
 def read_tdms(path: Path, options: FileOptions) -> Table:
@@ -68,7 +68,7 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
 
 
 def _stored_array(path: Path, channel: Any, outer: Mapping[str, object]) -> StoredArray:  # noqa: ANN401
-    """Return a channel of npTDMS; ``outer`` are the properties of its file and group."""
+    """Return a channel of npTDMS as an array. ``outer`` are the properties of the file and the group."""
     named = next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "")
     return StoredArray(
         (channel.group_name, channel.name),

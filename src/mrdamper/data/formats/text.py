@@ -83,12 +83,14 @@ def read_text(path: TextSource, options: FileOptions) -> Table:
     if isinstance(found, Table):
         return found
     fault: InputError | None = None
-    if _content(path).find(b"\n#", found.start) < 0:  # There are no comments among the rows.
+    # A text without comments between the rows is first read as one table, which is fast.
+    if _content(path).find(b"\n#", found.start) < 0:
         try:
             table = _table(path, found)
-            if not all(np.isnan(values[-1]) for values in table.columns.values()):  # The last row has data.
+            # A last row without numbers may be a line of words.
+            if not all(np.isnan(values[-1]) for values in table.columns.values()):
                 return table
-        except InputError as error:  # An invalid cell may belong to a line of words.
+        except InputError as error:  # The invalid cell may be in a line of words between two blocks.
             fault = error
     tables = _tables_of_blocks(path, found)
     if tables is not None:
@@ -140,11 +142,13 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
     if not long or (len(blocks) == 1 and not trailer):
         return None
     notes, header, above = layout.notes, found.header, [line for line in found.above if line.strip()]
-    # The lines about the file come first. The first block has as many lines of its own as later blocks.
+    # The lines above the first block begin with those about the file, then those about the block. The later
+    # blocks show the number of lines about a block.
     count = len(above) - max((len(block.above) for block in long[1:]), default=len(above))
     shared = above[: max(count, 0)]
     about_file = {*statements(shared, layout.delimiter)}
-    # A command directly above the names, without a blank line, may apply only to the first block.
+    # The last line about the file may state a current. Without a blank line between this line and the column
+    # names, the current may apply only to the first block.
     near = [line for line in statements(shared[-1:], layout.delimiter) if labels_in(line, "current")]
     is_near = bool(near) and all(map(str.strip, found.above[found.above.index(shared[-1]) :]))
     stated: list[str] = []
@@ -173,7 +177,7 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
 
 
 def _is_restated(line: str, own: Sequence[str]) -> bool:
-    """Return True if the lines ``own`` of a block state a quantity of ``line``, which is about the file."""
+    """Return True if ``line``, about the file, states a quantity that a block states again in ``own``."""
     return any(labels_in(line, role) and labels_in(each, role) for role in CONDITIONS for each in own)
 
 
@@ -184,7 +188,7 @@ def _look(path: TextSource, options: FileOptions) -> _Found | Table:
         return turned
     delimiter, first = find_data(head.lines, options.delimiter)
     if first is None:
-        # An empty record is a single header line. A file of notes has more lines.
+        # A file with only a header line is a record without samples. A longer file contains notes.
         lines = [line for line in head.lines if line.strip() and not line.startswith("#")]
         widths = [len(split_line(line, sign)) for line in lines for sign in DELIMITERS[:-1]]
         is_empty_record = len(lines) == 1 and max(widths) >= SETTINGS.empty_record_columns_min
@@ -218,10 +222,10 @@ def _transposed(path: TextSource, head: Head, options: FileOptions) -> Table | N
 
 
 def _without_notes_beside(path: TextSource, head: Head, options: FileOptions) -> Table | None:
-    """Return the table of a text if entries (label, value) are in columns next to the samples, else None.
+    """Return the table of a text with entries (label, value) in columns next to the samples, else None.
 
-    The columns of the entries are in front of the samples, or behind an empty column. They are empty in the
-    second half of the first lines of the text.
+    The columns of the entries are to the left of the samples, or to the right behind an empty column. The
+    rows in the second half of the searched lines have no entries.
     """
     delimiter = options.delimiter or max(
         DELIMITERS[:-1], key=lambda sign: sum(sign in line for line in head.lines)
@@ -253,7 +257,7 @@ def read_head(path: TextSource) -> Head:
         )
     if re.match(rb"\s*<(!doctype|html|\?xml)", content[:64], re.IGNORECASE):
         raise InputError(place=f"{path}", found="is a web page or XML", remedy="Download the file itself")
-    end = rb"\n|(?<!\n)\Z" if len(content) < _HEAD_BYTES else rb"\n"  # The last line may have no line end.
+    end = rb"\n|(?<!\n)\Z" if len(content) < _HEAD_BYTES else rb"\n"  # The last line may lack a \n.
     edges = [0, *(match.end() for match in re.finditer(end, content))][: SETTINGS.header_lines_max + 1]
     if edges == [0]:
         raise InputError(
@@ -322,7 +326,7 @@ def _column_blocks(
     """Generate the columns of each block. The first block decides if a column has numbers or texts.
 
     An invalid cell in a column of numbers is an error. Columns of times of day or dates are converted to
-    numbers, and their readers are added to ``stamps``.
+    seconds. The converter of such a column is added to ``stamps`` under the index of the column.
     """
     numeric: list[bool] = []
     for content, first_line in _blocks(path, start, stop, (layout.header_lines or 0) + 1):

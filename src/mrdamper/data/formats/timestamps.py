@@ -51,7 +51,8 @@ _HALF = re.compile(r" *(?:([ap])\. ?m\.|(上午|午前|오전)|(下午|午後|�
 _DOTTED = re.compile(r"(?<=[0-9.] )([0-9]{1,2})\.([0-9]{2})\.([0-9]{2})(?![0-9])")
 DAY_S = 86400.0
 _NO_DAY = (math.nan, math.nan)
-# Words above a table. They mark the start of a record, a date of the record, or the date of another event.
+# Words in a line with a date above a table. The date is the start of the record, a date of the record in
+# general, or the date of a different event, such as a calibration.
 _START = re.compile(r"start|beg[ai]n|trigger|\bt ?0\b|anfang|d[ée]but|inicio|开始", re.IGNORECASE)
 _RECORD = re.compile(r"dat[eu]|time|zeit|record|measur|mess|acqui|fecha|hora|heure|日期|时间", re.IGNORECASE)
 _OTHER = re.compile(
@@ -67,7 +68,8 @@ def is_time(cell: str) -> bool:
 def _groups_of(cell: str) -> tuple[str | None, ...] | None:
     """Return the parts of a time of day with or without a date, None for any other cell.
 
-    The clock may have points after a date (``4.3.2021 10.22.57``), and a half of the day in other words.
+    Also accepted: points in a time of day after a date (``4.3.2021 10.22.57``), and words for am and pm in
+    other languages.
     """
     match = _TIME.match(cell)
     if match is None and sum(map(str.isdecimal, cell)) > 5:
@@ -136,19 +138,22 @@ def date_in(texts: Iterable[str]) -> tuple[float, float] | None:
 
 
 class Timestamps:
-    """Reader of the cells of one column, block by block. ``first`` is the moment of the first time."""
+    """Converter of one column to seconds, for successive parts of the column.
+
+    ``first`` is the time stamp of the first valid cell.
+    """
 
     def __init__(self) -> None:
         self.first: Moment | None = None
         self._start = 0, 0.0  # First time: day, and seconds of this day.
         self._last_s, self._midnights = -np.inf, 0
         self._reading: int | None = None  # The reading of the dates: 0 is day first, 1 is month first.
-        self._only = ""  # The only accepted date if all dates have two readings.
+        self._only = ""  # If no date shows the order of day and month, all rows must have this date.
 
     def seconds(self, cells: Texts) -> FloatArray:
         """Return the time [s] since the first time stamp of the column, NaN if a cell is not a time.
 
-        ``cells`` is the next block of the column.
+        ``cells`` is the next part of the column.
         """
         dates, is_utc, read = _parts(cells)
         hours, minutes, whole, rest, twelve, pm, offset_s = read
@@ -196,7 +201,7 @@ class Timestamps:
 
 
 def _reading_of(dates: Iterable[str]) -> int | None:
-    """Return the only valid reading of dates of one format, None if two different readings are valid."""
+    """Return the valid reading of dates (0: day first, 1: month first), None if two readings are valid."""
     days = [days_of(text) for text in dates]
     if not days:
         return None

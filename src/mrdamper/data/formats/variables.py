@@ -1,8 +1,8 @@
 """Columns from named values: structures, lists, texts and arrays of MAT, HDF5, JSON and NumPy files.
 
-A structure's field ``run.force`` is a column. A matrix has the columns ``column 1 of data`` and so on. If
-the file has lists with one word per column, the words are the names and units. A structure that contains one
-signal and its name is one column with this name (``signals``).
+A field of a structure is a column, such as ``run.force``. A matrix has the columns ``column 1 of data`` and
+so on. If the file has lists with one word per column, the words are the names and units. If the fields of a
+structure are the samples and the name of one signal, the structure is one column with this name.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ _NO_SETTINGS: Mapping[str, object] = MappingProxyType({})
 def table_of_variables(
     variables: Mapping[str, Any], path: Path, options: FileOptions, kind: str, skipped: Sequence[str] = ()
 ) -> Table:
-    """Return the table of a file's variables. Arrays, also those in structures and lists, are columns.
+    """Return the table of a file's variables. Each array, at any depth of structures and lists, is a column.
 
-    A structure or an array may have attributes in ``settings``.
+    ``settings`` of a structure or an array, if present, are its attributes.
     """
     found = _Variables(variables)
     layout = Layout(kind, part=options.part, notes=skipped_note([*skipped, *found.objects]))
@@ -114,10 +114,10 @@ class _Variables:
         self.texts |= {(*path, name): text for name, text in texts.items()}
 
     def _names_of_columns(self, path: tuple[str, ...], matrix: Any, across: int) -> list[tuple[str, ...]]:  # noqa: ANN401
-        """Return the name of each column of a matrix, as the end of its path.
+        """Return the names of the columns of a matrix, each as the last parts of the path of the column.
 
-        The names come from lists of words. A list whose name begins with the first word of the matrix's name
-        has priority, then a list with a name such as "names" or "channels".
+        The names come from a list of words: in the attributes of the matrix, else a list whose name begins
+        with the same word as the matrix's name, else a list with a name such as "names" or "channels".
         """
         own = [("", words) for words in getattr(matrix, "words", ())]
         begin = path[-1].split("_")[0]  # pandas names the columns of block0_values in block0_items.

@@ -28,7 +28,7 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import roles_of_unit, to_si
 
 _TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6}  # Possible units of a time column, in ticks per second.
-# Unit, and the first and last count of the years 1970 to 2099; then the counts of a second.
+# Counts of time since a fixed day: unit, plausible first and last count (up to 2099), counts per second.
 _EPOCHS = (
     *(
         (unit, 1e9 * ticks, 4.1e9 * ticks, ticks)
@@ -36,14 +36,14 @@ _EPOCHS = (
     ),
     *(("d", first, first + 47_481, 1 / DAY_S) for first in (25_569, 719_529)),  # days of Excel and of MATLAB
 )
-_STEP_MIN_S, _STEP_MAX_S = 5e-4, 0.05  # A longer step may be a step of a faster clock in a smaller unit.
+_STEP_MIN_S, _STEP_MAX_S = 5e-4, 0.05  # With a longer time step, the assumed unit may be too large.
 MEASURED = frozenset({"displacement", "force", "velocity"})
 """Roles that are not extrapolated. Values of other roles hold one step before and after their samples."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OneClock:
-    """Columns by role, all at the times of one clock. ``time`` is added if the table has several clocks."""
+    """Columns by role, all at the times of one clock. If the table has several clocks, ``time`` is added."""
 
     columns: Mapping[str, FloatArray]
     interpolated: tuple[str, ...] = ()  # Roles of the interpolated columns.
@@ -102,7 +102,7 @@ def to_one_clock(table: Table, names: Mapping[str, str], chosen: ChannelMap, pla
 
 
 def _time_of(table: Table, clock: int) -> str:
-    """Return the name of the time column of a clock, which is its first column."""
+    """Return the name of the first column of a clock, which contains the times."""
     return next(name for name, other in table.clocks.items() if other == clock)
 
 
@@ -154,7 +154,7 @@ def _findings_of_common_time(
     latest = max(spans, key=lambda role: spans[role])
     late_s = spans[latest][0] - spans[earliest][0]
     is_apart = table.recorded_apart and late_s > slack_s
-    # An unused part of more than 1 % of the recording is reported.
+    # If the channels leave at most 1 % of the recording unused, nothing is reported.
     if not is_apart and whole_s - common_s <= 0.01 * whole_s:
         return ()
     begin = f"{latest} begins {late_s:.4g} s after {earliest}: " if late_s > slack_s else ""
@@ -172,16 +172,17 @@ def _findings_of_common_time(
 
 
 def with_clocks(table: Table) -> Table:
-    """Return the table of a text with a clock for each column: the clock of the preceding time column.
+    """Return the table of a text with a clock for each column: the nearest time column to the left.
 
-    Equal time columns are merged.
+    If all time columns are equal, only the first is kept.
     """
-    plain = {name: re.sub(r" \(\d+\)$", "", name) for name in table.names}  # Readers number repeated names.
+    # A reader appends a number to a repeated name: "time (2)".
+    plain = {name: re.sub(r" \(\d+\)$", "", name) for name in table.names}
     times = [name for name in table.names if "time" in roles_of_unit(word_and_unit(plain[name])[1])]
     if len(times) < 2 or table.names[0] != times[0] or table.clocks or table.texts:
         return table
     first = table.columns[times[0]]
-    if all(np.array_equal(table.columns[name], first) for name in times):  # The file repeats one time.
+    if all(np.array_equal(table.columns[name], first) for name in times):
         kept = [name for name in table.names if name not in times[1:]]
         return replace(table, names=(*kept,), columns={name: table.columns[name] for name in kept})
     clocks: dict[str, int] = {}
@@ -199,9 +200,10 @@ def with_clocks(table: Table) -> Table:
 
 
 def stated_step(table: Table, chosen: ChannelMap, place: str) -> tuple[float | None, tuple[float, ...]]:
-    """Return the sampling interval [s] from the map or the file, and the rates [Hz] that its words state.
+    """Return the sampling interval [s], and the sampling rates [Hz] in the words of the file.
 
-    There is no interval (None) without a stated rate, or with several different rates.
+    The interval comes from the map, the file, or the rate in words. The interval is None if there is no rate,
+    or if the words state several rates.
     """
     if chosen.rate_Hz is not None or table.step_s is not None:
         return (table.step_s if chosen.rate_Hz is None else 1.0 / chosen.rate_Hz), ()
@@ -214,7 +216,7 @@ def stated_step(table: Table, chosen: ChannelMap, place: str) -> tuple[float | N
 
 
 def is_coarse_clock(table: Table, name: str, chosen: ChannelMap, place: str) -> bool:
-    """Return True if times of day repeat, and the stated sampling interval gives the same duration."""
+    """Return True if times repeat, but their duration agrees with the stated sampling interval."""
     times = table.columns[name]
     step, _ = stated_step(table, chosen, place)
     if step is None or not (np.diff(times) == 0.0).any():
@@ -247,12 +249,13 @@ def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
 def start_of(table: Table, first_s: float, path: Path, stated: Sequence[str] = ()) -> Moment | None:
     """Return the time stamp of time zero of a table, None if neither its times nor its lines state one.
 
-    The lines ``stated`` of documents are used if the file states no start. A time of day without a date gets
-    the date in the lines above the table, in a document, in the file name, or in the name of the folder.
+    The date of a time of day is searched in the lines above the table, in documents, in the file name and in
+    the name of the folder, in this order.
 
     Parameters
     ----------
     first_s : time of the first row [s]
+    stated : lines of documents about the file, used if the file states no start
     """
     stamps = [moment.later(-first_s) for moment in table.stamps.values()]
     lines = start_in(table.said) or start_in(stated)

@@ -31,7 +31,7 @@ class Column:
     name: str
     unit: str
     source: str = "header"  # Reason for the choice, such as "map", "header" or "unit alone".
-    gain: float | None = None  # SI per unit of the file, if the file states a scale.
+    gain: float | None = None  # Factor from the file's unit to SI, if the file states a scale.
 
     def channel(self, chosen: ChannelMap) -> Channel:
         """Return the conversion of the column to SI: from the map, else from the scale in the file."""
@@ -45,7 +45,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """A parsed header: its word and unit, the roles that have this unit, and the role that the word names."""
+    """Parsed header of a column: a word and a unit. ``of_unit`` are the roles that have this unit."""
 
     name: str
     word: str
@@ -58,7 +58,7 @@ def header_of(table: Table, name: str, place: str) -> Header:
     """Return the parsed header of a column. A missing unit is replaced by the unit stated in the file."""
     exact = parse_header(name)
     word, unit = word_and_unit(name)
-    if exact is not None and unit and exact[1] != unit:  # A suffix hides the unit: "Travel_WA100 [mm]".
+    if exact is not None and unit and exact[1] != unit:  # "Travel_WA100 [mm]": WA100 is no unit.
         exact = (exact[0], unit) if exact[0] in roles_of_unit(unit) else None
     if exact is not None:
         unit = _unit(table, name, exact, place)
@@ -85,7 +85,7 @@ def _unit(table: Table, name: str, header: tuple[str, str], place: str) -> str:
 def headers_of(table: Table, place: str) -> list[Header]:
     """Return the headers of columns that may be samples.
 
-    Times of day are omitted. Statistics, such as a maximum, are omitted if a role has several of them.
+    Times of day are omitted. Statistics are omitted if a role has several, such as a minimum and a maximum.
     """
     headers = [header_of(table, name, place) for name in table.columns if name not in table.stamps]
     results = [each for each in headers if has_word(each.word, "statistic")]
@@ -94,9 +94,10 @@ def headers_of(table: Table, place: str) -> list[Header]:
 
 
 def explained(table: Table, notes: Sequence[str]) -> Table:
-    """Add names and units of columns, scales and the sampling rate from lines of a document to a table.
+    """Add what the lines of a document state to a table: names, units, scales and the sampling rate.
 
-    Only missing names and units are added. Numbered entries name the columns if there is an entry for each.
+    Only missing names and units are added. Names come from numbered entries (``2: force [N]``), if there is
+    an entry for each column.
     """
     legend = [entry for line in notes for entry in legend_in(line)]
     numbered = {number: f"{word} [{unit}]" for number, word, unit in legend if number is not None}

@@ -21,7 +21,7 @@ _WORD = re.compile(r"\W*[^\W\d_]")
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """The position of rows in a text, and the lines above them."""
+    """Position of consecutive rows in a text, and the lines above these rows."""
 
     start: int  # Offset of the first row [bytes].
     stop: int
@@ -37,9 +37,9 @@ def find_blocks(
     """Return the list of blocks from byte ``start`` on, and the lines below the last block."""
     blocks: list[Block] = []
     above: list[str] = []  # Lines of words since the last block.
-    waiting: list[str] = []  # Lines of the open block that may be words.
-    numeric: list[int] = []  # Indices of the cells with numbers in the open block.
-    block: Block | None = None  # The open block.
+    waiting: list[str] = []  # Last lines of the current block; they may be rows or words.
+    numeric: list[int] = []  # Indices of the numeric cells in the first row of the block.
+    block: Block | None = None  # The block to which the next row belongs.
     at = start
     for number, raw in enumerate(content[start:].splitlines(keepends=True), first_line):
         line = raw.decode(encoding, "replace").rstrip("\r\n")
@@ -75,7 +75,7 @@ def _begins_block(cells: Sequence[str], *, is_first: bool) -> bool:
 
 
 def _kind_in_block(cells: Sequence[str], numeric: Sequence[int]) -> Literal["row", "words", "perhaps words"]:
-    """Return the kind of a line in an open block. ``numeric`` are the cells with numbers in its first row."""
+    """Return whether a line continues a block. ``numeric`` are the cells with numbers in the first row."""
     inside = [cells[k] for k in numeric if k < len(cells)]
     if not count_numbers(inside):
         are_words = any(cell and cell not in MISSING_MARKS and _WORD.match(cell) for cell in cells)

@@ -85,7 +85,7 @@ class Cells:
         return Cells(texts, [None] * len(texts), self._lines)
 
     def as_times(self, reader: Timestamps) -> Cells:
-        """Return the cells converted to seconds. A cell that is not a time of day or a date is invalid."""
+        """Return the cells converted to seconds. A cell that is neither a time of day nor a date is NaN."""
         seconds = reader.seconds(self.texts).tolist()
         return Cells(self.texts, [None if math.isnan(each) else each for each in seconds], self._lines)
 

@@ -38,7 +38,7 @@ _MARKS = (b"\xff\xfe", b"\xfe\xff")
 
 def utf16_of(head: bytes) -> str:
     """Return the UTF-16 variant of the first bytes, with or without byte order mark; "" if not UTF-16."""
-    if head.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff")):  # UTF-32
+    if head.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff")):  # marks of UTF-32
         return ""
     if head.startswith(_MARKS):
         return "utf-16"
@@ -123,7 +123,10 @@ def encoding_of(path: TextSource, content: bytes) -> str:
 
 
 def _eastern(content: bytes) -> str:
-    """Return the East Asian encoding that gives a text with a channel name, else any valid one, else ""."""
+    """Return the East Asian encoding of a text, "" if no encoding is valid.
+
+    Of several valid encodings, an encoding is chosen that turns the bytes into the name of a channel.
+    """
     fitting = {
         encoding: content.decode(narrow)
         for narrow, encoding in (("gb2312", _CHINESE), (_JAPANESE, _JAPANESE), ("euc_kr", _KOREAN))

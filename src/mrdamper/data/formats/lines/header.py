@@ -24,19 +24,17 @@ from mrdamper.quantities import QUANTITIES, is_any_unit, roles_of_unit
 
 _COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
 _SPARSE = re.compile(r"(events?|markers?|comments?|remarks?|notes?)", re.IGNORECASE)
-_LEAD = re.compile(r"^\s*[^\W\d]+(?:\s+[^\W\d]+)?\s*[:=]\s*")  # "columns: "
+_LEAD = re.compile(r"^\s*[^\W\d]+(?:\s+[^\W\d]+)?\s*[:=]\s*")  # label of a list, "columns: "
 _THOUSANDS = re.compile(r"[+-]?\d{1,3},\d{3}")
 _DECIMAL = re.compile(r"([+-]?\d+),(\d+)")
-_PAIR = re.compile(r"\s*(?:[:=;\t]+|,)\s*")  # Between the label and the value of an entry.
+_PAIR = re.compile(r"\s*(?:[:=;\t]+|,)\s*")  # separates a label from its value
 _WHOLE = re.compile(r"[+-]?\d+")
 _SETTING = re.compile(
     r"\s*[-*]?\s*[\"']?([^\W\d][^:=]*?)[\"']?\s*[:=]\s*[\"']?"
     r"([+-]?\d[\d.,]*(?:[eEdD][+-]?\d+)?)[\"']?,?\s*"
-)  # "Current_A=0.5"
+)  # A setting: "Current_A=0.5".
 _ENTRY = re.compile(r"\s*([^\s:=][^:=]*?)\s*(?:[:=]|->)\s*(\S.*?)\s*")  # A legend: "CH1: force, N".
-_MARK = re.compile(
-    r"\s*(\w[\w ]*:|\[[\w ]+\]|[\"']?[^\W\d]+[\"']?)\s*"
-)  # The line above the samples: "[Data]".
+_MARK = re.compile(r"\s*(\w[\w ]*:|\[[\w ]+\]|[\"']?[^\W\d]+[\"']?)\s*")  # A title of the samples: "[Data]".
 DELIMITERS = ("\t", ";", ",", "|", " ")
 
 
@@ -54,8 +52,8 @@ class Header:
 def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
     """Return the delimiter and the index of the first row of numbers, None if no row was found.
 
-    A row has two or more numbers, and the next line is of the same kind. Ten consecutive rows have priority
-    over fewer because a short table of results may be above the samples.
+    A row has two or more numbers, and is followed by another row. Ten consecutive rows have priority over
+    fewer rows, because a short table of results may be above the samples.
     """
     found: list[tuple[tuple[bool, bool, int, int], str, int]] = []
     for rank, delimiter in enumerate((wanted,) if wanted else DELIMITERS):
@@ -70,16 +68,16 @@ def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
     count = SETTINGS.table_rows_min
     alone = [k for k in range(len(lines) - count + 1) if all(map(is_number, lines[k : k + count]))]
     last = max((k + 1 for k, line in enumerate(lines) if not is_number(line.strip() or "0")), default=0)
-    if _describes_one_channel(lines[:last]) and len(lines) - last > 1:  # A channel with few samples.
+    if _describes_one_channel(lines[:last]) and len(lines) - last > 1:  # Few samples are enough.
         alone = [*alone, last]
     return wanted or ("\t" if alone else ","), next(iter(alone), None)  # A text with one column.
 
 
 def _are_decimals(lines: Sequence[str], first: int) -> bool:
-    """Return True if a comma is the decimal sign in a text with one column, such as ``-0,05`` and ``1,20``.
+    """Return True if a comma is the decimal sign in lines such as ``-0,05`` and ``1,20``, not a delimiter.
 
-    The header has one name and one unit, or the numbers have zeros in front, unlike whole numbers. A first
-    column with equal steps is a time or an index.
+    The header then describes one column, or there are cells ``-0`` or ``05``, which are no whole numbers.
+    False if the parts before the comma increase by equal steps: these parts are times or indices.
     """
     filled = [line.strip() for line in lines[first:] if line.strip()]
     cells = [match for line in filled if (match := _DECIMAL.fullmatch(line))]
@@ -104,7 +102,7 @@ def holds_samples(lines: Sequence[str], delimiter: str) -> bool:
 
 
 def _first_row(lines: Sequence[str], delimiter: str, wanted: int) -> int | None:
-    """Return the index of the first of ``wanted`` consecutive rows with two or more numbers, else None.
+    """Return the index of the first row of numbers that begins ``wanted`` consecutive rows, else None.
 
     A single row is enough at the end of a text. Two rows belong to different tables if a cell is a number in
     one row and a word in the other row.
@@ -143,7 +141,7 @@ def _is_word(cell: str) -> bool | None:
 def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     """Return the header above the row with index ``first``: the names of the columns, and the other lines.
 
-    A unit next to a name is the unit of the range if all channels are in per cent.
+    If all channels are in per cent of their ranges, the units of the ranges are replaced by ``%``.
     """
     header = _read_header(lines, first, delimiter)
     if not any(map(are_all_per_cent, header.said)):
@@ -162,8 +160,9 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
 def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     """Return the header above a row.
 
-    Units in a row below (or above) the names are added to the names: ``name [unit]``. Commands in a row above
-    the names are added in front: ``0.5 A: name [unit]``. A command applies up to the next filled cell.
+    Units in a row below (or above) the names are added to the names: ``name [unit]``. A row above the names
+    may state a command, such as the current of several columns. The command is added in front of the names
+    of these columns: ``0.5 A: name [unit]``. A command applies up to the column of the next command.
     """
     cells = split_line(lines[first], delimiter)
     bare = [_COMMENT.sub("", line) for line in lines[:first]]
@@ -180,7 +179,8 @@ def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     rows: list[tuple[int, list[str]]] = []
     for k in range(first - 1, -1, -1):
         line = [cell for cell in split_line(lines[k], delimiter) if cell]
-        is_entries = not rows and bool(line) and all("=" in cell for cell in line)  # "dt = 3 ms"
+        # An entry is a cell such as "dt = 3 ms".
+        is_entries = not rows and bool(line) and all("=" in cell for cell in line)
         fields = None if is_entries else _header_fields(lines[k], delimiter, count, filled)
         if fields:
             rows.append((k, fields))
@@ -191,12 +191,13 @@ def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
         said = statements(lines[:first], delimiter)
         meant = _apply_legend(plain, said, table)
         return Header(meant, said, named=meant != plain)
-    if sum(_leads(fields) for _, fields in rows) > 1:  # The rows are "Names: Time;Force" and "Units: s;N".
+    # Labels are removed from rows such as "Names: Time;Force" and "Units: s;N".
+    if sum(_leads(fields) for _, fields in rows) > 1:
         rows = [(k, [_LEAD.sub("", fields[0]), *fields[1:]]) for k, fields in rows]
     used = {rows[0][0]}
     _, names = rows.pop(0)
     units: list[str] | None = None
-    for turned in (False, True):  # The units are below the names or above them.
+    for turned in (False, True):  # False: units below the names. True: units above the names.
         if rows and units is None:
             words = [text.strip("[]()") for text in (rows[0][1] if turned else names)]
             known = [text for text in words if not count_numbers([text])]
@@ -228,7 +229,7 @@ def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
 
 
 def _cells_above(line: str, delimiter: str, count: int) -> list[str]:
-    """Return the cells of a line above ``count`` columns without empty cells at the end."""
+    """Return the cells of a line above a table of ``count`` columns, without empty cells at the end."""
     cells = _PAIR.split(line.strip(), maxsplit=1) if count == 1 else split_line(line, delimiter)
     last = max((k + 1 for k, cell in enumerate(cells) if cell), default=0)
     return cells[:last]
@@ -237,10 +238,10 @@ def _cells_above(line: str, delimiter: str, count: int) -> list[str]:
 def _apply_legend(
     names: tuple[str, ...], said: Sequence[str], rows: Sequence[Sequence[str]] = ()
 ) -> tuple[str, ...]:
-    """Return the names of columns as a legend above the table explains them.
+    """Return the names of columns, replaced by their explanations in a legend above the table.
 
-    A legend has entries (``CH1: force, N``), or a row for each channel (``CH1;force;5 V;N``). Unless most of
-    the columns are explained, only names without a meaning, such as CH1, are replaced.
+    A legend has entries (``CH1: force, N``), or a row for each channel (``CH1;force;5 V;N``). If the legend
+    explains less than half of the columns, only names without a meaning, such as CH1, are replaced.
     """
     entries = (_ENTRY.fullmatch(line) for line in said)
     legend = {_key(entry[1]): entry[2] for entry in entries if entry is not None}
@@ -253,7 +254,7 @@ def _apply_legend(
         text = legend.get(_key(name)) or legend.get(_key(word)) or (row[1] if row else "")
         units = [unit] if unit else [cell for cell in row[2:] if roles_of_unit(cell)]
         with_its_unit = f"{text} [{units[0]}]" if len(units) == 1 and not word_and_unit(text)[1] else text
-        meant.append(with_its_unit if text[:1].isalpha() else "")  # "Stroke: 25 mm" states a value.
+        meant.append(with_its_unit if text[:1].isalpha() else "")  # "Stroke: 25 mm" is a value.
     if sum(map(bool, meant)) <= len(names) // 2:
         meant = [text if is_opaque else "" for text, is_opaque in zip(meant, opaque, strict=True)]
         if sum(map(bool, meant)) < 2:
@@ -266,7 +267,7 @@ def _key(name: str) -> str:
 
 
 def _header_fields(line: str, delimiter: str, count: int, filled: int) -> list[str] | None:
-    """Return the fields of a line that may name all columns, None for any other line."""
+    """Return the fields of a line if the line has as many fields as the table has columns, else None."""
     bare = _COMMENT.sub("", line)
     fields = split_line(bare, delimiter)
     if is_comment(line) and len(fields) != count:
@@ -274,7 +275,7 @@ def _header_fields(line: str, delimiter: str, count: int, filled: int) -> list[s
     for text in (bare, _LEAD.sub("", bare)) if delimiter == " " else ():
         if len(fields) != count:
             fields = re.split(r"\s{2,}|\t", text.strip())
-        if len(fields) != count:  # Names contain a blank before the unit: "Time (s) Force (N)".
+        if len(fields) != count:  # A blank before a unit is no delimiter: "Time (s) Force (N)".
             fields = re.findall(r"[^\s(\[]+\s*[(\[][^)\]]*[)\]]|\S+", text)
     if len(fields) not in {count, filled} or not any(fields):
         return None
@@ -307,7 +308,7 @@ def line_of(row: Sequence[str]) -> str:
     units = [cell for cell in words if roles_of_unit(cell)]
     if len(numbers) == len(units) == 1 and len(words) == 2:
         (name,), unit = [word for word in words if word != units[0]], units[0].strip("[]()")
-        if word_and_unit(f"{name}_{unit}")[1]:  # "Damper;A;3" is not a current.
+        if word_and_unit(f"{name}_{unit}")[1]:  # The A in "Damper;A;3" is no unit.
             return f"{name}: {numbers[0]} {unit}"
     if len(cells) == 2 and len(numbers) == 1 and cells[1] in numbers and "," in cells[0]:
         name, unit = word_and_unit(cells[0])
@@ -349,7 +350,7 @@ def _are_units(words: Sequence[str]) -> bool:
 
 
 def _is_of_units(fields: Sequence[str], numbers: int) -> bool:
-    """Return True if a row begins with units and ends with numbers, such as ``Sequence,mm,N,0.0,0.005``."""
+    """Return True if a row lists units before numbers, such as ``Sequence,mm,N,0.0,0.005``: no samples."""
     if numbers == len(fields):
         return False
     words = [text for text in fields if text and not count_numbers([text])]

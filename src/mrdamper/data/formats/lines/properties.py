@@ -50,7 +50,7 @@ class Properties:
     """Names of the columns with units, the stated factors and offsets, and the time step."""
 
     names: tuple[str, ...]
-    scales: Mapping[str, tuple[float, float]]  # column -> factor, offset in its unit
+    scales: Mapping[str, tuple[float, float]]  # column -> factor, offset [unit of the column]
     sampling: Sampling | None
 
 
@@ -64,7 +64,8 @@ def property_of(text: str) -> str:
             words
             and len(words) <= 3
             and words != ["full", "scale"]
-            and not (words[0] == "vertical" and name in {"factor", "offset"})  # the screen of an oscilloscope
+            # The "vertical scale" of an oscilloscope applies to the screen, not to the samples.
+            and not (words[0] == "vertical" and name in {"factor", "offset"})
             and not has_value
             and (form.fullmatch(words[-1]) or form.fullmatch(words[0]))
         ):
@@ -83,7 +84,7 @@ def find_properties(
     first : cells of the first row of the table
     """
     lines = [f"{row[0]} = {row[1]}" if len(row) == 2 else line for row, line in zip(rows, lines, strict=True)]
-    leads = bool(first) and not first[0]  # The first cells of the rows are empty, below the labels.
+    leads = bool(first) and not first[0]  # The column below the labels has no samples.
     count = len(first) - leads
     stated: dict[str, list[list[str]]] = {name: [] for name in (*_WORDS, "unknown")}
     labelled = (*_by_rows(rows), *_by_channels(rows), *_by_numbers(lines), *_by_axes(lines))
@@ -95,14 +96,14 @@ def find_properties(
         fitting = {name: [each for each in lists if len(each) == size] for name, lists in stated.items()}
         found = {name: lists[0] for name, lists in fitting.items() if lists}
         if "name" in found and (size == count or all(map(is_any_unit, found.get("unit", [])))):
-            # A description may name the quantity if the name is only a number of a channel.
+            # Several rows may have names, such as "CH1" and "Force". The row with most quantities is used.
             found["name"] = max(fitting["name"], key=lambda each: sum(map(_names_quantity, each)))
             if len(found) > 1 or all(word_and_unit(name)[1] for name in found["name"]):
                 break
     else:
         return None
     names = found["name"]
-    # Whole numbers may be counts. Numbers with an unknown label may then be their factors.
+    # Whole numbers in the table may be counts. Numbers without a known label may then be factors of counts.
     are_counts = sum(cell.lstrip("+-").isdecimal() for cell in first) >= min(2, len(names))
     is_unclear = are_counts and any(len(each) == len(names) for each in stated["unknown"])
     if is_unclear if "factor" not in found else any(map(_OTHER_EQUATION.search, lines)):
@@ -128,7 +129,7 @@ def find_properties(
     before = ["number", *time][2 - (count - len(names)) :] if len(names) < count else []
     above = rows[-1] if rows else ()
     if before and len(above) == count and all(_NUMBERED.fullmatch(cell) for cell in above[len(before) :]):
-        before = [*above[: len(before)]]  # The row of channel numbers also names these columns.
+        before = [*above[: len(before)]]  # names in the row of channel numbers
     return Properties((*[""] * leads, *before, *spelled), scales, stated_sampling(settings))
 
 
@@ -191,14 +192,14 @@ def _by_numbers(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
 
 
 def _by_units(rows: Sequence[Sequence[str]], count: int) -> Iterator[tuple[str, list[str]]]:
-    """Generate names and units that are found by the units alone, in rows or columns of ``count`` units.
+    """Generate (property, values) from ``count`` units in a row or a column, without a known label.
 
-    Numbers with decimals and without a known label are "unknown".
-    A row has a label in front of its values. The nearest row of words names the channels.
+    The nearest row (or column) of words has the names of the channels. Numbers with decimals and without a
+    known label have the property "unknown". A row has a label in front of its values.
     """
     labelled = [row for row in rows if len(row) == count + 1 and row[0] and not is_any_unit(row[0])]
     tables = [[(property_of(row[0]), [*row[1:]]) for row in labelled]]
-    around: list[Sequence[Sequence[str]]] = [()]  # The rows before and after a list.
+    around: list[Sequence[Sequence[str]]] = [()]  # The rows next to each table.
     for k in range(len(rows) - count + 1 if count > 1 else 0):
         above, below = rows[max(k - 1, 0) : k], rows[k + count : k + count + 1]
         labels = itertools.chain(map(property_of, *above or [()]), itertools.repeat(""))
@@ -209,7 +210,7 @@ def _by_units(rows: Sequence[Sequence[str]], count: int) -> Iterator[tuple[str, 
         are_units = [all(map(is_any_unit, cells)) and any(map(roles_of_unit, cells)) for _, cells in table]
         unit = are_units.index(True) if any(are_units) else None
         if unit is None or any(roles_of_unit(row[unit]) for row in others if len(row) > unit):
-            continue  # There are more channels in the list than columns.
+            continue  # A row next to the table has a unit: the table has more than ``count`` rows.
         yield "unit", table[unit][1]
         for _, (label, cells) in sorted(enumerate(table), key=lambda each: abs(each[0] - unit)):
             if all(map(_is_word, cells)) and len({*cells}) == len(cells):
@@ -232,7 +233,7 @@ def _by_axes(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
 
 
 def _settings(rows: Sequence[Sequence[str]], lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
-    """Generate (label, values) from each row, column and entry. The values are after the label."""
+    """Generate (label, values) from each row, column and entry above a table."""
     yield from (*_by_channels(rows), *_by_axes(lines))
     for row, below in zip_longest(rows, rows[1:], fillvalue=()):
         if row and row[0]:
