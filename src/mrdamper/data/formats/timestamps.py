@@ -51,8 +51,8 @@ _HALF = re.compile(r" *(?:([ap])\. ?m\.|(上午|午前|오전)|(下午|午後|�
 _DOTTED = re.compile(r"(?<=[0-9.] )([0-9]{1,2})\.([0-9]{2})\.([0-9]{2})(?![0-9])")
 DAY_S = 86400.0
 _NO_DAY = (math.nan, math.nan)
-# Words in a line with a date above a table. The date is the start of the record, a date of the record in
-# general, or the date of a different event, such as a calibration.
+# Words in a line with a date above a table. They show the event: the start of the record, the record in
+# general, or a different event, such as a calibration.
 _START = re.compile(r"start|beg[ai]n|trigger|\bt ?0\b|anfang|d[ée]but|inicio|开始", re.IGNORECASE)
 _RECORD = re.compile(r"dat[eu]|time|zeit|record|measur|mess|acqui|fecha|hora|heure|日期|时间", re.IGNORECASE)
 _OTHER = re.compile(

@@ -116,8 +116,8 @@ class _Variables:
     def _names_of_columns(self, path: tuple[str, ...], matrix: Any, across: int) -> list[tuple[str, ...]]:  # noqa: ANN401
         """Return the names of the columns of a matrix, each as the last parts of the path of the column.
 
-        The names come from a list of words: in the attributes of the matrix, else a list whose name begins
-        with the same word as the matrix's name, else a list with a name such as "names" or "channels".
+        The names come from a list of words, in this order of priority: a list in the attributes of the
+        matrix, a list whose name begins with the same word, a list with a name such as "names".
         """
         own = [("", words) for words in getattr(matrix, "words", ())]
         begin = path[-1].split("_")[0]  # pandas names the columns of block0_values in block0_items.

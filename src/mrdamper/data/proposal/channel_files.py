@@ -75,8 +75,8 @@ def join_channel_files(
 def _runs_of(channels: Sequence[_ChannelFile]) -> dict[str, list[_ChannelFile]]:
     """Return the files of each run in a folder. The files of a run have a common part in their names.
 
-    The common part is the name without the channel word, the beginning or the end of the name, or "" if all
-    files belong to one run. Of these ways, the way that assigns most files to runs is chosen.
+    The common part is the name without the channel word, or the beginning or the end of the name. It is "" if
+    all files belong to one run. The part that assigns most files to runs is chosen.
     """
     names = {channel.path: _TOKEN.findall(channel.path.stem) for channel in channels}
     counts = range(1, max(map(len, names.values())))

@@ -249,8 +249,8 @@ def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
 def start_of(table: Table, first_s: float, path: Path, stated: Sequence[str] = ()) -> Moment | None:
     """Return the time stamp of time zero of a table, None if neither its times nor its lines state one.
 
-    The date of a time of day is searched in the lines above the table, in documents, in the file name and in
-    the name of the folder, in this order.
+    If there is only a time of day, the date is searched in this order: lines above the table, documents, file
+    name, name of the folder.
 
     Parameters
     ----------

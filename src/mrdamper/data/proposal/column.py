@@ -126,7 +126,7 @@ def explained(table: Table, notes: Sequence[str]) -> Table:
 
 
 def _means_same(word: str, header: Header) -> bool:
-    """Return True if a word is the name of a column, or the plural of the role that the column names."""
+    """Return True if a word is the name of a column, or a name of the column's role, perhaps in plural."""
     same = re.sub(r"[\W_]+", "", word).lower() == re.sub(r"[\W_]+", "", header.word).lower()
     return same or (bool(header.of_word) and word.lower().rstrip("s") in QUANTITIES[header.of_word].headers)
 

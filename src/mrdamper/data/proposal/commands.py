@@ -30,7 +30,7 @@ COMMAND_UNITS: dict[str, CommandUnit] = dict(zip(("current", "voltage"), get_arg
 
 
 def command_role(columns: Iterable[Column], chosen: ChannelMap, place: str) -> str:
-    """Return the role of the command: current or voltage; "" if missing.
+    """Return the role of the command, "current" or "voltage"; "" if there is no command.
 
     A constant in the channel map has priority over a column.
     """
@@ -57,10 +57,10 @@ def command_of(
     texts: Sequence[Place],
     place: str,
 ) -> tuple[str, FloatArray, tuple[tuple[str, float, str], ...]]:
-    """Return the role and the values of the command, and (role, value, source) if words state the command.
+    """Return the role and the values of the command. If words state it, also (role, value, source).
 
-    The command comes from ``held`` (a segment of the map), else from the measured column, else from the
-    constant of the map, else from the nearest text with a command.
+    The sources in order of priority are: ``held`` (the map's command for a section of the file), the
+    measured column, the constant of the map, and the nearest text with a command.
     """
     if held is not None:
         return role, np.full(samples, held), ()
@@ -103,7 +103,8 @@ def _require_agreement(
 ) -> None:
     """Raise AskingError if a constant measured command differs from a command in words about the file.
 
-    Lines above the table count if they are single entries, and not a table with properties of the columns.
+    A line above the table is used only if it is an entry ``name: value``. If the names of several entries are
+    names of columns, the entries describe the columns and are not used.
     """
     entries = [
         each for each in texts if each.source == "header" and re.fullmatch(r"[^:=]+[:=][^:=]+", each.text)
@@ -118,7 +119,7 @@ def _require_agreement(
         return
     unit = COMMAND_UNITS[role]
     for each in (label, *label.others):
-        # Commands in words and in the column agree within this fraction.
+        # A command in words may differ by 15 % from the measured command.
         gaps = [abs(value - held) for value in each.values]
         if len(gaps) == 1 and gaps[0] > max(0.15 * abs(held), 5 * command_slack(held)):
             values = [f"{each.values[0]:g} {unit}", f"{held:.4g} {unit}"]
@@ -131,8 +132,8 @@ def with_temperature(
 ) -> tuple[Piece, tuple[tuple[str, float, str], ...]]:
     """Add a constant temperature from the map or from words if there is no temperature column.
 
-    Return the piece, and ``told`` (role, value and source of each value from words). The temperature is
-    appended to ``told`` if it comes from words. Contradictory temperatures are a finding and are not used.
+    ``told`` has (role, value, source) of each value from words. Return the piece and ``told``, which then
+    includes a temperature from words. Contradictory temperatures are not used and give a finding.
     """
     if "temperature" in piece.channels:
         return piece, told
@@ -159,7 +160,10 @@ def with_temperature(
 def segments_of(
     table: Table, chosen: ChannelMap, samples: int, place: str
 ) -> tuple[list[int], list[float | None]]:
-    """Return the first rows of the tests in a file (and the number of rows), and the command of each test."""
+    """Return the limits of the tests in a file, and the command of each test.
+
+    The limits are the first row of each test, followed by the number of rows of the file.
+    """
     assert chosen.segments is not None
     split, commands = chosen.segments.split, chosen.segments.commands
     begins = {

@@ -32,11 +32,11 @@ from mrdamper.quantities import is_any_unit
 
 _RUN = r"run|test|file|rec|record|versuch|lauf|messung|essai|prueba"
 _NUMBER_WORDS = re.compile(rf"^$|\b(no|nr|num|number|id|{_RUN})\b|#", re.IGNORECASE)
-_NUMBER_IN_LINE = re.compile(  # "run 7", but not "test 2 A"
+_NUMBER_IN_LINE = re.compile(  # The number of a run, as in "run 7", but no value, as in "test 2 A".
     rf"\b(?:{_RUN})s?[\s_.#-]{{0,2}}(\d{{1,9}})\b(?![.,]\d|\s?(?:m?[AV]|°|deg|[CK]|mm|k?Hz|s|k?N|%)\b)",
     re.IGNORECASE,
 )
-_CLOCK_OF_LIST = re.compile(r"(?<![\d:.,])(\d{1,2}:\d{2})(?![\d:.,])")  # Lists omit the seconds.
+_CLOCK_OF_LIST = re.compile(r"(?<![\d:.,])(\d{1,2}:\d{2})(?![\d:.,])")  # time of day without seconds
 _ITEM = re.compile(r"\bitem (\d+) of (\d+)$")
 _WHOLE = re.compile(r"\d{1,9}(\.0)?")
 _HEADING = re.compile(r"\s*(\[.*\]|#+ .*|[^:=]*:)\s*")
@@ -50,15 +50,15 @@ _ENTRY = re.compile(r"\s*[-*]?\s*([^\s:=][^:=]*?)\s*[:=]\s*([^\s:=][^:=]*?)\s*")
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A document, and the lines that state conditions of each file."""
+    """Document next to the runs. ``lines`` are the lines that state conditions of each file."""
 
     path: Path
     lines: Mapping[Path, tuple[str, ...]]
     whole: tuple[str, ...] = ()  # All lines; they may explain columns, signs and the sampling rate.
-    owners: tuple[Path, ...] = ()  # The files of the only run in the document, () if it may describe any run.
+    owners: tuple[Path, ...] = ()  # The files of the only described run, () if any run may be described.
 
     def places(self, file: Path) -> tuple[Place, ...]:
-        """Return the statements of the document about a file."""
+        """Return the lines of the document about a file, each with the document as its source."""
         return tuple(Place(f"document {self.path.name!r}", line) for line in self.lines.get(file, ()))
 
     def notes(self, file: Path) -> tuple[str, ...]:
@@ -79,10 +79,10 @@ class Document:
 
 
 class _Files:
-    """Files of a folder, indexed by the names that a document may use for them.
+    """Files of a folder by the names that a document may use for the files.
 
-    A name is the name of a file, the common name of the files of the channels of a run, or the name of a
-    folder, which means the files in this folder.
+    Such a name is the name of a file, the name of a run with one file per channel, or the name of a folder.
+    The name of a folder means all files in the folder.
     """
 
     def __init__(self, files: Sequence[Path], root: Path) -> None:
@@ -117,14 +117,14 @@ class _Files:
         return self.names.get(re.split(r"[\\/]", cell)[-1].strip(" `*\"'").lower(), ())
 
     def in_row(self, cells: Sequence[str]) -> list[tuple[Path, ...]]:
-        """Return the files that the cells of a row name, [] unless the row names or numbers several files."""
+        """Return the files that each cell of a row names, [] unless the cells name different runs."""
         found = [self.in_cell(cell) for cell in cells]
         if not any(found) and _NUMBER_WORDS.search(cells[0]) and all(map(_WHOLE.fullmatch, cells[1:])):
             found = [(), *(self.numbers.get(int(float(cell)), ()) for cell in cells[1:])]
         return found if len({*found} - {()}) > 1 else []
 
     def are_others(self, words: Sequence[str]) -> bool:
-        """Return True if words contain the name of a file that is missing, for example of another day."""
+        """Return True if a word is the name of a file that is not in the folder, such as a deleted run."""
         return any(Path(word).suffix in self.suffixes and word not in self.names for word in words)
 
     def in_line(self, line: str) -> tuple[Path, ...]:
@@ -134,7 +134,7 @@ class _Files:
         if not names and self.numbers and not self.are_others(words):
             order, item = sorted(self.numbers), _ITEM.search(line)
             if item and int(item[2]) == len(order) == order[-1] - order[0] + 1 and order[0] < 2:
-                return self.numbers[order[int(item[1]) - 1]]  # A script has an item for each run.
+                return self.numbers[order[int(item[1]) - 1]]  # Item k of a script is about run k.
             found = {self.numbers.get(int(number), ()) for number in _NUMBER_IN_LINE.findall(line)}
             return found.pop() if len(found) == 1 else ()
         return self.names[names[0]] if len({self.names[name] for name in names}) == 1 else ()
@@ -165,7 +165,7 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
     for path, lines in texts.items():
         siblings = [file for file in files if file.parent == path.parent and file != path]
         below = [file for file in files if path.parent in file.parents and file != path]
-        # A short text without samples is no run. The user may have chosen one of several runs.
+        # A short text without samples is no run. Runs that the user did not choose are counted as well.
         runs = [
             file
             for file in texts
@@ -194,8 +194,8 @@ def _owners(
 ) -> tuple[Path, ...]:
     """Return the files of the only run that a document describes, () if it may describe several runs.
 
-    The name of the document is the name of the run, perhaps with further words, or the folder has one run.
-    A script without the name of a run is a program for any data.
+    The document has the name of the run, perhaps with further words, or the folder has only one run. A script
+    must have the name of the run, because other scripts may process any data.
     """
     names, stem = _Files(siblings, path.parent).names, path.stem.lower()
     while stem and (stem not in names or not (stem == path.stem.lower() or re.search(r"\d", stem))):
@@ -207,7 +207,10 @@ def _owners(
 
 
 def with_lists(tables: Sequence[Table], notes: Sequence[str]) -> list[Table]:
-    """Return tables with the lines about their titles in lists of runs: on other sheets, or in documents."""
+    """Return the tables of a file, each with the lines about its title in a list of runs.
+
+    The list of runs is on a different sheet or in a document.
+    """
     titles = [Path(f"{title}.sheet") for title in dict.fromkeys(table.title for table in tables) if title]
     said: dict[str, list[str]] = {}
     for sheet, lines in {**tables[0].lists, "": notes}.items() if titles else ():
@@ -257,7 +260,7 @@ def _lines_of(path: Path) -> list[str]:
 def _lines_by_file(
     path: Path, lines: Sequence[str], files: Sequence[Path], *, is_run: bool
 ) -> dict[Path, list[str]]:
-    """Return the lines of a document about each file. A table is used if most of its rows name files."""
+    """Return the lines of a document about each file. A table in it is used if most rows name files."""
     if is_run and len(lines) > SETTINGS.run_list_lines_max:
         worded = [line for line in lines if re.search(r"[^\W\d_]{2}", line)]
         if 2 * len(worded) < len(lines) and not any(
@@ -270,11 +273,11 @@ def _lines_by_file(
     if is_run and not names_a_file:
         return {}  # The file is a run that names no other file.
     found: dict[Path, list[str]] = {}
-    now: tuple[Path, ...] = ()  # The following entries describe these files.
+    now: tuple[Path, ...] = ()  # The files to which the next entries apply.
     header: list[str] = []
     mentions = 0
     in_section = False
-    across: list[tuple[Path, ...]] = []  # The files of the columns, if each column of a table is a run.
+    across: list[tuple[Path, ...]] = []  # The files of each column, if the columns of a table are runs.
     for line in lines:
         cells = _cells(line)
         heads = known.in_row(cells)

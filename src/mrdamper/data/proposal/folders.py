@@ -57,9 +57,9 @@ _DAMAGES = (
 def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Path]:
     """Return the files named by paths, folders and patterns, in the given order.
 
-    Archives are unpacked into the folder ``space`` if it is given. The last two folders of their paths are
-    repeated there, with the documents next to an archive that was found in a folder. A file that is named
-    twice (by a relative and an absolute path) is returned once.
+    Archives are unpacked into the folder ``space`` if it is given. There, the subfolders have the names of
+    the last two folders in the archive's path. Documents next to an archive in a searched folder are copied
+    to these subfolders. A file that is given twice (relative and absolute path) is returned once.
     """
     files: dict[Path, Path] = {}
     if not paths:
@@ -95,7 +95,7 @@ def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Pat
     for document in (each for folder in folders for each in folder.iterdir()):
         copy = space.joinpath(*document.absolute().parts[-3:])
         if is_small_file(document) and not _is_archive(document) and not copy.exists():
-            with suppress(OSError):  # An unreadable document states nothing.
+            with suppress(OSError):  # An unreadable document is not copied.
                 shutil.copy(document, copy)
     return found
 
@@ -124,7 +124,7 @@ def _is_archive(file: Path) -> bool:
 
 
 def own_name(file: Path) -> str:
-    """Return the name of a file without its suffix. A number is no suffix: "test.001"."""
+    """Return the name of a file without its suffix. The number in "test.001" is not a suffix."""
     return file.name if file.suffix[1:].isdecimal() else file.stem
 
 
@@ -181,7 +181,7 @@ def distinct_names(names: Sequence[str], sources: Sequence[str]) -> list[str]:
         for name in [name for name, count in often.items() if count > 1]:
             same = [k for k, other in enumerate(found) if other == name]
             if len({folders[k] for k in same}) < 2:
-                continue  # The runs are in the same folder.
+                continue  # A folder's name does not distinguish its own runs.
             for k in same:
                 folder = folders[k]
                 if folder is not None:
@@ -195,7 +195,7 @@ def format_suffixes() -> set[str]:
 
 
 def _files_below(folder: Path, depth: int = SETTINGS.folder_depth_max) -> Iterator[Path]:
-    """Generate the files that may contain runs, first in the folder, then in its subfolders."""
+    """Generate the files that may contain runs: files in the folder, then files in its subfolders."""
     entries = sorted(each for each in folder.iterdir() if not each.name.startswith((".", "~$")))
     for file in entries:
         if file.is_file() and file.name not in _RESULTS and _may_hold_runs(file):

@@ -1,8 +1,8 @@
 """Entries of structured documents: JSON, XML, YAML, TOML, INI, and assignments in scripts.
 
-Each notation is parsed to nested mappings. The items of a list have the keys 1, 2, ... The mappings are
-written as lines: ``coil current: 0.5 A`` for a value, ``2 pos [mm]`` for a column, and a line with the texts
-of an item above the indented entries of this item.
+Each notation is parsed to nested mappings. The items of a list have the keys 1, 2, ... The mappings are then
+written as lines. A value becomes ``coil current: 0.5 A``, a column becomes ``2 pos [mm]``. An item with
+several entries becomes a line with its texts, followed by its indented entries.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def _tree_of_object(value: object) -> Node | str:
 
 
 def _object_of_element(element: ElementTree.Element) -> object:
-    """Return the attributes and children of an XML element. Its text is the entry ``value``."""
+    """Return an XML element as a mapping of its attributes and children. Its text has the key ``value``."""
     groups: dict[str, list[object]] = {}
     for child in element:
         groups.setdefault(child.tag.rpartition("}")[2], []).append(_object_of_element(child))
@@ -72,16 +72,17 @@ def _object_of_element(element: ElementTree.Element) -> object:
 
 
 def _tree_of_lines(text: str, suffix: str) -> tuple[list[str], Node]:
-    """Return the comments of a text, and its entries nested by indentation and by sections ``[name]``.
+    """Return the comments of a text, and its entries as nested mappings.
 
-    A comment after a number that is a unit, as in ``I = 0.5; % A``, is added to the name.
+    Indentation and sections ``[name]`` show the nesting. A unit in a comment after a number, as in
+    ``I = 0.5; % A``, is added to the name of the entry.
     """
     sign = _COMMENT_SIGNS.get(suffix, "#")
     comment = re.compile(rf"((?:'[^']*'|\"[^\"]*\"|[^'\"])*?)(?:^|(?<=[\s;,])){sign}+(.*)")
     remarks: list[str] = []
     tree: Node = {}
-    levels: list[tuple[float, Node]] = [(-1.0, tree)]  # The open mappings with their indentations.
-    begun = ""  # The beginning of an entry with open brackets.
+    levels: list[tuple[float, Node]] = [(-1.0, tree)]  # (indentation, mapping) around the next entry
+    begun = ""  # An entry whose brackets are not closed yet.
     for whole_line in text.expandtabs(4).splitlines()[: SETTINGS.document_lines_max]:
         line = whole_line[: SETTINGS.document_line_length_max]
         found = comment.match(line)
@@ -96,7 +97,7 @@ def _tree_of_lines(text: str, suffix: str) -> tuple[list[str], Node]:
 
 
 def _add_entry(line: str, suffix: str, remark: str, tree: Node, levels: list[tuple[float, Node]]) -> None:
-    """Add the entry of a line to the last of the open mappings ``levels``. A section closes them."""
+    """Add the entry of a line to the last mapping in ``levels``. A section ``[name]`` replaces ``levels``."""
     if section := _SECTION.fullmatch(line.strip()):
         node = tree
         for name in section[1].split(".") if suffix == ".toml" else [section[1]]:
@@ -133,7 +134,7 @@ def _child(node: Node, key: str | int) -> Node:
 
 
 def _key(name: str, value: Node | str, remark: str) -> str:
-    """Return the name of an entry. A unit in the remark after numbers is added."""
+    """Return the name of an entry, with the unit in the remark if the values are numbers."""
     name = name.strip("'\"")
     cells = [value] if isinstance(value, str) else [*value.values()]
     unit = next((unit for unit in (re.split(r"[,;(]", remark)[0].strip(" []"), word_and_unit(remark)[1])
@@ -169,7 +170,7 @@ def _bracket(tokens: Iterator[str]) -> Node:
 
 
 def _lines(tree: Node | str, path: tuple[str, ...] = (), *, is_script: bool = False) -> Iterator[str]:
-    """Generate the lines of a mapping. Entries begin with the names of all levels."""
+    """Generate the lines of a mapping. An entry begins with the keys of all enclosing mappings."""
     blanks = " " * len(path)
     for key, inner in _items(tree, is_script=is_script) if isinstance(tree, dict) else ():
         own = key if isinstance(key, str) else ""
@@ -189,7 +190,7 @@ def _lines(tree: Node | str, path: tuple[str, ...] = (), *, is_script: bool = Fa
             kept: Node = {other: text for other, text in inner.items() if text not in (unit, own)}
             yield from _lines(kept, (*path, own))
             continue
-        if f"{key}".isdigit():  # The texts and whole numbers of an item may name a run.
+        if f"{key}".isdigit():  # The texts and whole numbers in a list item may be the name of a run.
             items = (pair for pair in texts.items() if not is_number(pair[1]) or pair[1].isdigit())
             heading = [f"{other} {text}" for other, text in items if not word_and_unit(f"{other}")[1]]
             yield blanks + re.sub("[:=]", " ", " ".join((*(path[-1:] if own else ()), own, *heading)))
@@ -199,7 +200,7 @@ def _lines(tree: Node | str, path: tuple[str, ...] = (), *, is_script: bool = Fa
 
 
 def _items(tree: Node, *, is_script: bool) -> Iterator[tuple[str | int, Node | str]]:
-    """Generate the items of a mapping; equally long lists as their rows, which a script numbers."""
+    """Generate the items of a mapping. Lists of equal length are converted to rows of one table."""
     lists: dict[int, dict[str | int, Node | str]] = {}
     for key, inner in tree.items():
         cells = [cell for cell in inner.values() if isinstance(cell, str)] if isinstance(inner, dict) else []
@@ -220,6 +221,6 @@ def _items(tree: Node, *, is_script: bool) -> Iterator[tuple[str | int, Node | s
 
 
 def _text(node: Node, keys: tuple[str, ...]) -> str:
-    """Return the first text at one of the keys, in any case; "" if there is none."""
+    """Return the first text that has one of the keys, in upper or lower case; "" if no key has a text."""
     return next((value for wanted in keys for key, value in node.items()
                  if isinstance(value, str) and f"{key}".lower() == wanted), "")  # fmt: skip

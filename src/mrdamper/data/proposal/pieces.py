@@ -2,7 +2,7 @@
 
 A table is divided where time decreases, where a column of words changes, and at time gaps. Pieces with
 continuous time and equal command are joined. Up to 1 % of missing numbers are interpolated. A missing
-displacement is integrated from the velocity. Changes of the data are reported as findings.
+displacement is integrated from the velocity. Each of these changes is reported as a finding.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ class Piece:
     """Rows of a file converted to SI, and the findings of the conversion."""
 
     time: FloatArray
-    channels: Mapping[str, FloatArray]  # Values by role, the command under "command".
+    channels: Mapping[str, FloatArray]  # role, or "command" -> values
     title: str = ""  # Title of the sheet, group or run.
     findings: tuple[Finding, ...] = ()
     start: Moment | None = None  # Moment of time zero.
-    told: tuple[tuple[str, float, str], ...] = field(default=())  # Role, value [SI], source of the words.
+    told: tuple[tuple[str, float, str], ...] = field(default=())  # (role, value [SI], source) from words
 
     def part(self, rows: slice) -> Piece:
         """Return the piece of a range of rows."""
@@ -42,9 +42,10 @@ class Piece:
 
 
 def run_edges(time: FloatArray, texts: Mapping[str, Texts]) -> tuple[list[int], dict[int, str]]:
-    """Return the first rows of the runs in a table (and the number of rows), and the title by first row.
+    """Return the limits of the runs in a table, and the title of each run by its first row.
 
-    ``time`` are the times of the rows [s]. A title is the cell of a column of words.
+    The limits are the first row of each run, followed by the number of rows. ``time`` are the times of the
+    rows [s]. A title is a cell in a column of words.
     """
     edges = {0}
     titles: dict[int, str] = {}
@@ -65,7 +66,7 @@ def run_edges(time: FloatArray, texts: Mapping[str, Texts]) -> tuple[list[int], 
 
 
 def join_pieces(pieces: Sequence[Piece]) -> list[Piece]:
-    """Join pieces that continue the time of the preceding piece at the same command."""
+    """Join successive pieces if the time continues and the command is equal."""
     found: list[Piece] = []
     for piece in pieces:
         if found and _continues(found[-1], piece):
@@ -96,7 +97,7 @@ def _continues(before: Piece, after: Piece) -> bool:
 
 
 def filled(piece: Piece) -> Piece:
-    """Interpolate missing numbers in a piece if they are at most 1 % of a channel and not at its ends.
+    """Interpolate missing numbers: at most 1 % of a channel, and neither the first nor the last number.
 
     A temperature or command that was recorded at a lower, regular rate is interpolated without this limit.
     """
@@ -144,7 +145,7 @@ def filled(piece: Piece) -> Piece:
 
 
 def without_repeated_end(piece: Piece) -> Piece:
-    """Remove samples at the end of a piece that repeat the preceding sample in all channels."""
+    """Remove the last samples of a piece if they repeat the time and all values of an earlier sample."""
     columns = [piece.time, *piece.channels.values()]
     if len({*map(len, columns)}) > 1:  # A damaged file is reported later.
         return piece
@@ -167,7 +168,7 @@ def without_repeated_end(piece: Piece) -> Piece:
 
 
 def evened(piece: Piece) -> Piece:
-    """Replace repeated time stamps of a piece by uniform times if these agree with each stamp.
+    """Replace repeated time stamps of a piece by uniform times if the uniform times agree with each stamp.
 
     Example: at 200 Hz and a resolution of 10 ms, each stamp occurs twice. If a uniform time differs from a
     stamp by more than twice the resolution, samples were lost, and nothing is changed.
@@ -176,14 +177,14 @@ def evened(piece: Piece) -> Piece:
     if not (np.isfinite(steps).all() and (steps >= 0.0).all() and steps.any()):
         return piece
     repeats = steps == 0.0
-    if np.mean(repeats) < 0.1:  # Rarer repeats are faults of single stamps.
+    if np.mean(repeats) < 0.1:  # Few repeats are faults of single stamps.
         return piece
     still = np.diff(piece.channels.get("displacement", piece.time)) == 0.0
-    # Some loggers write a row of minima and a row of maxima with the same time and displacement.
+    # Nothing is changed if the logger wrote a row of minima and a row of maxima for each time.
     if "displacement" in piece.channels and np.mean(still[repeats]) > 0.9:
         return piece
     resolution = float(steps[steps > 0.0].min())
-    # A coarse time that spans 100 resolution steps gives the rate with an accuracy of 0.3 %.
+    # The sampling rate is accurate to 0.3 % if the times span at least 100 steps of the resolution.
     if float(piece.time[-1] - piece.time[0]) < 100 * resolution:
         return piece
     rows = np.arange(len(piece.time), dtype=np.float64)
@@ -205,10 +206,10 @@ def evened(piece: Piece) -> Piece:
 
 
 def _is_slow(missing: BoolArray) -> bool:
-    """Return True if the present numbers are regularly spaced, within one row, up to both ends."""
+    """Return True if a channel has a number in every n-th row, to within one row, from first to last."""
     there = np.flatnonzero(~missing)
     if len(there) < 2:
-        return len(there) == 1 and there[0] == 0 and len(missing) > 1  # One number is a constant.
+        return len(there) == 1 and there[0] == 0 and len(missing) > 1  # A constant has only one number.
     steps = np.diff([there[0] - 1, *there.tolist(), len(missing)])
     inner = steps[1:-1]
     return bool(inner.min() > 1 and inner.max() <= inner.min() + 1 and steps.max() <= inner.max() + 1)
@@ -250,7 +251,7 @@ def cut_at_gaps(piece: Piece) -> Iterator[Piece]:
 
 
 def integrated(piece: Piece) -> Piece:
-    """Return a piece with the displacement integrated from the velocity; mean and drift are removed."""
+    """Return a piece with the displacement integrated from the velocity, without drift and centred."""
     velocity, time = piece.channels["velocity"], piece.time
     with np.errstate(all="ignore"):  # Invalid numbers are reported later.
         path = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time))])
@@ -269,9 +270,10 @@ def integrated(piece: Piece) -> Piece:
 
 
 def _slope(path: FloatArray, time: FloatArray) -> float:
-    """Return the drift [m/s]: the mean slope over whole cycles of a periodic path, else a line's slope.
+    """Return the drift of a path [m/s].
 
-    A line fitted to a part of a sine would have a slope without drift.
+    For a periodic path, the drift is the mean slope over whole cycles. A line fitted to a part of a sine has a
+    slope even without drift. For any other path, the drift is the slope of a fitted line.
     """
     duration = float(time[-1] - time[0])
     line = float(np.polyfit((time - time[0]) / duration, path, 1)[0]) / duration
@@ -283,7 +285,7 @@ def _slope(path: FloatArray, time: FloatArray) -> float:
     if float(np.max(np.abs(halves / np.median(halves) - 1.0))) > SETTINGS.half_period_ratio_max:
         return line
     inner = turns[1:-1]
-    # The first and the last reversal are at the same end of the stroke, whole cycles apart.
+    # Two reversals at the same end of the stroke are whole cycles apart.
     first, last = int(inner[0]), int(inner[-1 if len(inner) % 2 else -2])
     return float((path[last] - path[first]) / (time[last] - time[first]))
 
@@ -293,8 +295,9 @@ def with_stated_signs(
 ) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
     """Return the channels with extension and tension positive, and a remark if a channel was reversed.
 
-    A missing sign follows from the other sign because the damper dissipates energy. The channels are
-    unchanged if the stated signs contradict this.
+    ``signs`` are the stated signs of displacement and force. If only one sign is stated, the other sign
+    follows from it, because the damper dissipates energy. If the stated signs contradict the dissipation, the
+    channels are unchanged.
     """
     motion, force = channels.get("displacement"), channels.get("force")
     if motion is None or force is None or len(motion) != len(force) or -1 not in signs.values():

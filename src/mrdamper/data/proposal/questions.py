@@ -56,7 +56,7 @@ class AskingError(InputError):
 
     @property
     def questions(self) -> tuple[Question, ...]:
-        """Return the questions of this error and of its faults, each with the place of its error."""
+        """Return the questions of this error and of the errors in ``faults``, each with its file."""
         inner = (each for fault in self.faults if isinstance(fault, AskingError) for each in fault.questions)
         return (*(replace(question, file=self.place) for question in self._questions), *inner)
 
@@ -90,7 +90,7 @@ def ask_all(faults: Sequence[InputError]) -> InputError:
 
 
 def relocate(fault: MrdamperError, name: str, shown: str) -> None:
-    """Replace ``name`` with ``shown`` at the beginning of the places of an error and its faults."""
+    """Replace ``name`` with ``shown`` at the beginning of ``place``, in an error and all its ``faults``."""
     for item in fault.faults:
         relocate(item, name, shown)
     if fault.place.startswith(name) or not fault.place:
@@ -136,7 +136,7 @@ def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: PurePath) 
     channels, constant, rate = dict(chosen.channels), dict(chosen.constant), chosen.rate_Hz
     file_options = chosen.file
     for answer in answers:
-        # A pattern is compared with the name of the file, and with the last parts of its path.
+        # The pattern may match the name of the file, or the last parts of the path of the file.
         if not (
             fnmatchcase(file.name, answer.files) or fnmatchcase(f"/{file.as_posix()}", f"*/{answer.files}")
         ):
@@ -165,7 +165,7 @@ def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: PurePath) 
 
 
 def _number(answer: Answer, unit: str) -> float:
-    """Return the number of an answer, converted to a unit (a scale: to this unit per volt or per cent)."""
+    """Return the number of an answer, converted to ``unit``. A scale is ``unit`` per volt or per 1 %."""
     found = _SCALED.fullmatch(answer.value)
     place = f"answer {answer.role}.{answer.topic}={answer.value}"
     if found is None:

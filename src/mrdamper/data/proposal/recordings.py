@@ -63,7 +63,7 @@ _HELD = ("current", "voltage", "temperature")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RigFile:
-    """Contents of a file and their interpretation."""
+    """Recordings of a file, and how the file was interpreted."""
 
     recordings: tuple[Recording, ...]
     layout: Layout
@@ -76,7 +76,7 @@ class RigFile:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
-    """Result of reading one table: row ranges that become runs, columns, and the role of the command."""
+    """Result of one table: pieces (ranges of rows that become runs), columns, and role of the command."""
 
     pieces: tuple[Piece, ...]
     columns: tuple[Column, ...]
@@ -145,7 +145,7 @@ def runs_in(
 
 
 def _segment_map(chosen: ChannelMap, table: Table, number: int, count: int) -> ChannelMap:
-    """Return the map for one table, with the command of its segment if each table is one segment."""
+    """Return the channel map for one table. If each segment of the map is a table, its command is added."""
     segments = chosen.segments
     if segments is None or count != len(segments.commands):
         return chosen
@@ -158,16 +158,16 @@ def _segment_map(chosen: ChannelMap, table: Table, number: int, count: int) -> C
 def _may_be_run(table: Table, *, is_foreign: bool) -> bool:
     """Return True if a table may contain samples of a damper: a time, and a motion or a force.
 
-    In a foreign file, whose suffix is not a suffix of rig files, both the motion and the force are required.
+    A foreign file has a suffix that rig files do not have. It must have both a motion and a force.
     """
-    if not any(candidates(role, table.names) for role in QUANTITIES):  # Unnamed columns may have any role.
+    if not any(candidates(role, table.names) for role in QUANTITIES):  # The names show no roles.
         return not is_foreign
     motions = [name for role in ("displacement", "velocity") for name in candidates(role, table.names)]
     has_time = bool(table.stamps or table.clocks or table.step_s or candidates("time", table.names))
     if not has_time and (table.rows < LEAST_SAMPLES or all(increases(table, name) for name in motions)):
         return False
     samples = headers_of(table, "")
-    # A column without a unit, or in volts, may be a motion.
+    # The motion may be in a column without a unit or with the unit V.
     is_unclear = any(not unit_in_brackets(each.name) or "voltage" in each.of_unit for each in samples)
     has_force = bool(candidates("force", [each.name for each in samples]))
     if is_foreign:
@@ -176,7 +176,7 @@ def _may_be_run(table: Table, *, is_foreign: bool) -> bool:
 
 
 def _is_other_kind(table: Table, tables: Sequence[Table]) -> bool:
-    """Return True if a longer table has other columns, and a column of this table is in no other table."""
+    """Return True if ``table`` has a column that no other table has, and a longer table has other columns."""
     return any(other.names != table.names and other.rows > table.rows for other in tables) and not (
         {column for other in tables if other is not table for column in other.names} >= {*table.names}
     )
@@ -233,7 +233,7 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Plac
 def _wide_part(
     table: Table, chosen: ChannelMap, file: Path, wide: Sequence[tuple[str, float]], stated: Sequence[Place]
 ) -> _Part:
-    """Return the pieces of a table with one force column for each current, separately for each column."""
+    """Return the pieces of a table with one force column for each current. A piece has one force column."""
     pieces: list[Piece] = []
     columns: tuple[Column, ...] = ()
     names = {name for name, _ in wide}
@@ -252,7 +252,7 @@ def _wide_part(
 def _channels(
     table: Table, columns: Sequence[Column], chosen: ChannelMap, place: str
 ) -> tuple[dict[str, FloatArray], FloatArray, OneClock]:
-    """Return the channels of a table (SI, by role), the time [s], and the columns on one clock."""
+    """Return the channels of a table by role [SI], the time [s], and the result of the interpolation."""
     names = {column.role: column.name for column in columns if column.role != "time"}
     one = to_one_clock(table, names, chosen, place)
     raw = dict(one.columns)
@@ -268,11 +268,11 @@ def _channels(
     stated = channels.pop("time", raw.get("time"))
     samples = max(map(len, channels.values()))
     for role in _HELD:
-        if role in channels and len(channels[role]) == 1:  # The file states one value for the whole table.
+        if role in channels and len(channels[role]) == 1:  # One value applies to all samples.
             channels[role] = np.full(samples, channels[role][0])
     if stated is not None and len(stated) > 1:
         return channels, stated, one
-    # A time with one number is the sampling interval.
+    # A time column with a single number states the sampling interval.
     step = sampling_step(table, chosen, place) if stated is None else float(stated[0])
     return channels, np.arange(samples, dtype=np.float64) * step, one
 
@@ -309,14 +309,14 @@ def _make_recordings(
 def _recording(piece: Piece, name: str, unit: CommandUnit, session: str, file: Path) -> Recording:
     for values in (piece.time, *piece.channels.values()):
         if values.base is None:
-            values.setflags(write=False)  # The array is shared, not copied.
+            values.setflags(write=False)  # The recording shares the array.
     channels: dict[str, Any] = {role: piece.channels.get(role) for role in CHANNELS if role != "time"}
     source = printable(str(file))
     return Recording(name, piece.time, **channels, command_unit=unit, session=session, source=source)
 
 
 def _names(pieces: Sequence[tuple[Piece, str]], chosen: ChannelMap, stem: str) -> list[str]:
-    """Return the names of the runs in a file: the file name, and command, title or number if needed."""
+    """Return the names of runs: the file name, then the command, title or number if a file has several."""
     if len(pieces) == 1 and chosen.segments is None:
         return [stem]
     titles = [piece.title for piece, _ in pieces]

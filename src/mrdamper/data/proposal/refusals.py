@@ -97,7 +97,7 @@ def no_command(
     for role in COMMANDS:
         require_no_text(role, table, place)
     volts = [name for name in table.columns if "voltage" in roles_of_unit(word_and_unit(name)[1])]
-    # Of two columns with the same word, the column in volts is the output of the sensor.
+    # If two columns have the same word, such as "force", the column in volts is a sensor output.
     often = Counter(word_and_unit(name)[0] for name in table.columns)
     volts = [name for name in volts if parse_header(name) is None and often[word_and_unit(name)[0]] == 1]
     monitors = [
@@ -129,7 +129,7 @@ def no_command(
 
 
 def varying_commands(table: Table, place: str) -> list[str]:
-    """Return the columns with the name or the unit of a current that change their level."""
+    """Return the names of columns that may be a current, by name or unit, and do not stay constant."""
     headers = [header_of(table, name, place) for name in table.columns if name not in table.stamps]
     return [
         each.name

@@ -62,7 +62,7 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
             else:
                 column = column_of(role, table, headers, chosen, place)
             if column is not None and column.source not in {"map", "clock"}:
-                # Readers number the other columns of the same name: ``force (4)``.
+                # A reader appends a number to a repeated name: ``force (4)``.
                 again = re.compile(rf"{re.escape(column.name)} \(\d+\)")
                 names = [column.name, *filter(again.fullmatch, table.columns)]
                 column = _select_one(role, [replace(column, name=name) for name in names], place)
@@ -84,7 +84,7 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
 
 
 def _unclear_factor(column: Column, factor: float, place: str) -> InputError:
-    """Return the error for a column that may already include the factor above the table."""
+    """Return the error for a column to which the factor above the table may or may not be applied."""
     unit = column.unit or QUANTITIES[column.role].unit
     applied, raw = f"1 {unit}", f"{factor:g} {unit}"
     return ask(
@@ -127,7 +127,7 @@ def column_of(
     if position is not None:
         return _column_of_map(table, channel, table.names[position], headers, place)
     if role == "time" and chosen.rate_Hz is None and table.step_s is None:
-        # A logger may repeat the start time in each row. Such a column is not the time.
+        # If the first and the last time stamp are equal, the column repeats the start time of the record.
         stamps = [name for name in table.stamps if table.columns[name][0] != table.columns[name][-1]]
         stamps = [name for name in stamps if not is_coarse_clock(table, name, chosen, place)]
         named = [each for each in headers if each.of_word == "time" and "time" in each.of_unit]
@@ -165,7 +165,7 @@ def _column_of_map(
 
 
 def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
-    """Return the columns of ``found`` that match the role best. Several columns lead to a question."""
+    """Return the columns of ``found`` that match a role best. If several match, the user is asked."""
     left = list(found)
     if role == "time" and len(left) > 1:
         left = [each for each in left if increases(table, each.name, always=True)] or left
@@ -187,8 +187,8 @@ def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
 def _connected(headers: Sequence[Header], role: str, table: Table) -> list[Header]:
     """Return the columns of connected sensors. A column of a disconnected sensor contains only noise.
 
-    A column of the same signal in a wrong unit can have a small range, too. This column is returned because
-    it is correlated with the column of the largest range.
+    A column with a wrong unit can also have a small range. If it is correlated with the column of the largest
+    range, it is a signal and is returned.
     """
     signals = [to_si(table.columns[each.name], each.unit, role) for each in headers]
     widest = max(signals, key=np.ptp)
@@ -200,7 +200,7 @@ def _connected(headers: Sequence[Header], role: str, table: Table) -> list[Heade
         )
         if not (is_small and is_noise):
             kept.append(header)
-    return kept or list(headers)  # If all columns are constant, none of them is preferred.
+    return kept or list(headers)  # All columns are returned if all are constant.
 
 
 def _column_without_unit(
@@ -280,9 +280,9 @@ def skipped_columns(table: Table, columns: Sequence[Column], chosen: ChannelMap,
 
 
 def scaled_column(role: str, table: Table, headers: Sequence[Header]) -> Column | None:
-    """Return the column of a role with a scale per volt or per cent in its header or the lines above.
+    """Return the column of a role whose header, or a line above the table, states its scale.
 
-    Return None unless there is exactly one such column and one scale.
+    A scale is a quantity per volt or per cent. Return None unless there is exactly one column and one scale.
     """
     found: set[tuple[str, str, float]] = set()
     volts = [each for each in headers if "voltage" in each.of_unit or not each.of_unit]

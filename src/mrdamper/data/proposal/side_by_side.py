@@ -19,16 +19,16 @@ from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
 from mrdamper.quantities import QUANTITIES, roles_of_unit, to_si
 
 _VALUE = re.compile(r"values?|val|wert|valeur|valor|reading|measurement", re.IGNORECASE)
-_COUNTED = re.compile(r" \(\d+\)$")  # Readers number names that repeat.
+_COUNTED = re.compile(r" \(\d+\)$")  # number that a reader appends to a repeated name
 
 
 def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
     """Return a table for each run, or only the given table if it contains a single run.
 
-    A table contains several runs if the names of its columns repeat, apart from numbers appended by the
-    reader, and if each repetition has one time column. The title of a run is the title of the table and the
-    text above the names (``0.5 A: F [N]``). Empty columns between runs are removed. The table is not divided
-    if a channel map names a column that is not among the repeated names.
+    A table contains several runs if the names of its columns repeat and each repetition has one time column.
+    Numbers that the reader appended to repeated names are ignored. The title of a run consists of the title
+    of the table and the text in front of a name (``0.5 A: F [N]``). Empty columns between runs are removed.
+    The table is not divided if a channel map names a column that does not repeat.
     """
     if table.texts or table.clocks or table.stamps:
         return (table,)
@@ -63,10 +63,10 @@ def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
 def wide_of_long(table: Table) -> tuple[Table, ...]:
     """Convert a table with one row per sample and channel to tables with one column per channel.
 
-    In the given table, a column of texts names the channels (at least two roles), one column contains the
-    values, and another column contains the times, which change within a channel. Rows that differ in a column
-    that is constant within each channel of a run, such as the run number, become separate tables. Counters of
-    rows, and numbers of single channels, are ignored.
+    In the given table, a column of texts names the channel of each row (at least two roles). One column has
+    the values, another column has the times. A further column, such as the run number, may be constant within
+    each channel of a run. Each value of this column becomes a separate table. Counters of rows, and numbers
+    of single channels, are ignored.
     """
     kinds = {name: dict.fromkeys(cells) for name, cells in table.texts.items() if all(cells)}
     named = [
@@ -123,7 +123,7 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
 
 
 def _means(name: str, role: str) -> bool:
-    """Return True if a channel is named after a role, as ``Force`` or ``rod_force``."""
+    """Return True if the name of a channel contains a role, such as ``Force`` or ``rod_force``."""
     header = parse_header(name)
     return header[0] == role if header else speaks_of(name, role)
 
@@ -134,14 +134,14 @@ def is_counter(values: FloatArray) -> bool:
 
 
 def _split_name(name: str) -> tuple[str, str]:
-    """Return the text above the name of a column, and the name without the number added by a reader."""
+    """Split the header of a column, such as ``0.5 A: force (2)``, into ``0.5 A`` and ``force``."""
     above, colon, own = name.rpartition(": ")
     return above if colon else "", _COUNTED.sub("", own)
 
 
 def _width(names: Sequence[str]) -> int | None:
     """Return the number of columns of each run, None if the table has a single run."""
-    for width in range(3, len(names) // 2 + 1):  # A run has at least three columns.
+    for width in range(3, len(names) // 2 + 1):  # time, motion and force
         if len(names) % width or any(name != names[k % width] for k, name in enumerate(names)):
             continue
         times = [name for name in names[:width] if "time" in roles_of_unit(word_and_unit(name)[1])]

@@ -31,7 +31,7 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES
 
 _OF_RUNS = frozenset({"displacement", "velocity", "force"})
-# Differences between local time and UTC [h]. The first is 0 because the log must cover the run without one.
+# Possible differences between local time and UTC [h]. With the first, 0 h, the log must cover the run.
 _ZONES_h = (*range(15), *range(-12, 0), -9.5, -3.5, 3.5, 4.5, 5.5, 6.5, 9.5, 10.5)
 
 
@@ -131,7 +131,7 @@ def _read_log(path: Path, chosen: ChannelMap) -> _Log | None:
 
 
 def _times(table: Table, headers: Sequence[Header], chosen: ChannelMap, place: str) -> FloatArray:
-    """Return the times of a log [s]; NaN if the log has no times."""
+    """Return the times of a log [s]; NaN if the log states neither times nor a time step."""
     stamps = sorted(table.stamps, key=lambda name: not table.stamps[name].has_date)
     if stamps:
         return table.columns[stamps[0]]

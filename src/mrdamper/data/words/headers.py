@@ -14,7 +14,7 @@ from typing import Literal
 
 from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit
 
-_NOTED = re.compile(r"(.+?)\s*[\[({].*[\])}]\s*[\[({]([^\[({]*)[\])}]")  # "Force (raw) [N]"
+_NOTED = re.compile(r"(.+?)\s*[\[({].*[\])}]\s*[\[({]([^\[({]*)[\])}]")  # remark, unit: "Force (raw) [N]"
 _BRACKETS = re.compile(r"(.+?)\s*[\[({](.*)[\])}]")
 _SLASH, _LINE = re.compile(r"(.+?)\s+/\s*(.+)"), re.compile(r"([^_]+)_(.+)")
 _FORMS = (_NOTED, _BRACKETS, _SLASH, _LINE, re.compile(r"(.+)()"))
@@ -23,10 +23,10 @@ _FORMS_WITH_UNIT = (
     *(re.compile(r"(.+?)\s*,\s*(.+)"), re.compile(r"(.+?)\s+in\s+(.+)", re.IGNORECASE)),
 )
 _LAST = re.compile(r"(.+)_([^_]+)")
-_BLANK = re.compile(r"(.+?)\s+([^\s\d]+)")  # The word must have the unit's role, as in "Force N".
-_NO_UNITS = frozenset({"in", "kp", "min"})  # These whole headers mean input, gain and minimum.
+_BLANK = re.compile(r"(.+?)\s+([^\s\d]+)")  # "Force N", if N is a unit of force
+_NO_UNITS = frozenset({"in", "kp", "min"})  # A header "in" means input, "kp" a gain, "min" a minimum.
 _BRACKETED = (_NOTED, _BRACKETS)
-_NUMBERED = re.compile(r"^(.+_[^\W\d]+)[_ ]\d+$")  # "force_N_2"
+_NUMBERED = re.compile(r"^(.+_[^\W\d]+)[_ ]\d+$")  # number after the unit: "force_N_2"
 _CHUNKS = re.compile(r"(?:[,;:|.](?:\s+|$)|\t|\s+(?:and|und|et|y)\s+)+")
 _IN = re.compile(r"(.+?)\s+in\s+(\S+)", re.IGNORECASE)
 _NUMBERED_CHUNK = re.compile(r"[-*#\s]*(?:[A-Za-z]+ )?(\d{1,2}) (\D.*)")
@@ -39,7 +39,8 @@ _ALL_CHANNELS = re.compile(
 _NARROW = str.maketrans("（）［］／", "()[]/")
 
 Kind = Literal["set point", "sensor output", "statistic", "filtered", "ambient", "fluid", "damper"]
-# A statistic is a result of a cycle or a run. The volts of a sensor output represent another quantity.
+# Words for kinds of columns. A statistic, such as a peak, is one value for a cycle or a run. A sensor output
+# in volts represents a different quantity.
 _KINDS: Mapping[Kind, re.Pattern[str]] = MappingProxyType(
     {
         "set point": re.compile(
@@ -90,14 +91,14 @@ def word_and_unit(header: str) -> tuple[str, str]:
         if not roles or not (form in _BRACKETED or long or _means(word, roles)):
             continue
         return word, unit
-    if len(text) > 1 and text.lower() not in _NO_UNITS and roles_of_unit(text):  # "millis" is only a unit.
+    if len(text) > 1 and text.lower() not in _NO_UNITS and roles_of_unit(text):  # "millis" has no word.
         return "", text
     return text, ""
 
 
-@lru_cache(maxsize=10_000)  # All files of a folder have the same documents.
+@lru_cache(maxsize=10_000)  # Documents of a folder are parsed for each of its files.
 def legend_in(line: str) -> list[tuple[int | None, str, str]]:
-    """Return the columns that a sentence or a row explains: number (None if missing), word, and unit.
+    """Return (number or None, word, unit) of each column that a sentence or a row explains.
 
     Examples: ``Columns: disp in mm, force in kN``, ``2: force [N]``, and the row ``force | kN``.
     """
@@ -130,7 +131,7 @@ def _means(word: str, roles: Sequence[str]) -> bool:
 
 
 def speaks_of(word: str, role: str) -> bool:
-    """Return True if the word of a header contains a word of a role, alone or in a longer word."""
+    """Return True if the word of a header contains a name of a role, also in a longer word: ``rodforce``."""
     plain = _split_words(word)
     tokens = plain.split()
     for known in QUANTITIES[role].headers:
