@@ -24,7 +24,7 @@ _NUMBER = r"(?<![\d.])(\d+(?:[.p,]\d+)?)\s*"
 
 @dataclass(frozen=True, slots=True)
 class _Declared:
-    """A quantity in names of runs: unit and its pattern, tolerances, channel, typical cause of an error."""
+    """Quantity in the names of runs. ``form`` is the pattern of its unit, ``hint`` a cause of errors."""
 
     unit: str
     form: str
@@ -46,13 +46,13 @@ _DECLARED: Mapping[str, _Declared] = {
 
 @dataclass(frozen=True, slots=True)
 class _Sibling:
-    """A quantity that is equal in runs of one motion: kind of the finding, suspected cause, and limits."""
+    """Quantity that is equal in runs of the same motion, and limits for the finding on a run that differs."""
 
     kind: str
     suspect: str
-    ratio_max: float  # Runs of one motion differ by a smaller fraction.
-    deviation_min: float  # A run that differs by a larger fraction is reported.
-    scatter_max: float  # No run is reported if the other runs differ by a larger fraction.
+    ratio_max: float  # max relative difference of runs with the same motion
+    deviation_min: float  # min relative difference of a reported run from the other runs
+    scatter_max: float  # max relative difference among the other runs
 
 
 _SIBLINGS: Mapping[str, _Sibling] = {
@@ -131,8 +131,8 @@ def find_odd_siblings(runs: Sequence[Recording]) -> Iterator[Finding]:
 def _number_in_names(run: Recording, quantity: str) -> float | None:
     """Return the number that the name of the run, the file or the folder states for a quantity.
 
-    The first of these names with a number is used. The result is None if no name has a number, or if this
-    name has several numbers for the quantity.
+    The first of these names that states a number for the quantity is used. The result is None if no name
+    states a number, or if the used name states several numbers.
     """
     source = PurePath(run.source) if run.source else PurePath()
     for text in (run.name, source.stem, source.parent.name):
@@ -148,7 +148,7 @@ def _number_in_names(run: Recording, quantity: str) -> float | None:
 
 def _agrees(quantity: str, declared: float, found: float) -> bool:
     allowed = max(_DECLARED[quantity].relative_tolerance * declared, _DECLARED[quantity].tolerance)
-    meant = (1.0, 2.0) if quantity == "stroke" else (1.0,)  # A name may state an amplitude or a stroke.
+    meant = (1.0, 2.0) if quantity == "stroke" else (1.0,)  # stroke, or amplitude in the name
     return any(abs(found - times * declared) <= times * allowed for times in meant)
 
 
@@ -168,7 +168,7 @@ def _values_of(run: Recording) -> dict[str, float]:
 
 
 def _frequency(run: Recording) -> float | None:
-    """Return the frequency of a motion [Hz] from its zero crossings, None if it is not a steady sine."""
+    """Return the frequency of a motion [Hz] from its zero crossings, None if its periods are not equal."""
     low, high = np.quantile(run.displacement, (0.02, 0.98))
     x = run.displacement - 0.5 * (low + high)
     swing = 0.25 * float(high - low)

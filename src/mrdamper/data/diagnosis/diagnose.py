@@ -27,7 +27,7 @@ def diagnose(recording: Recording, prepared: PreparedRun | None = None) -> tuple
 
     Parameters
     ----------
-    recording : run as read. A ``RigRun`` has already passed the checks of time and range.
+    recording : run as read, or a ``RigRun``, in which time and ranges are valid.
     prepared : run as prepared for a fit. If it is missing, it is computed here.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # Overflow is reported as an implausible size.

@@ -18,9 +18,9 @@ from mrdamper.data.prepare import PreparedRun
 
 
 def find_wrong_sign(prepared: PreparedRun) -> Finding:
-    """Return the finding that force and velocity have opposite signs.
+    """Return the finding that force and velocity have opposite signs in the file.
 
-    ``prepared`` is the run with the corrected sign of the force.
+    ``prepared`` is the run after its force was reversed.
     """
     scored = slice(prepared.scored_from, None)
     correlation = -float(np.corrcoef(prepared.force[scored], prepared.trajectory.velocity[scored])[0, 1])

@@ -29,8 +29,8 @@ def repeatability(prepared: PreparedRun) -> float | None:
     """Return the rms deviation of the force from the mean cycle, in % of the force's standard deviation.
 
     Cycles are aligned by phase. A cycle is ignored if its stroke or duration differs by more than 3 % from
-    the median, or if its end position differs by more than 3 % of the stroke from its start (a ramp). The
-    result is None if the run is not periodic or has fewer than two typical cycles.
+    the median. A cycle is also ignored if its first and last positions differ by more than 3 % of the stroke
+    (a ramp). The result is None if the run is not periodic or has fewer than two typical cycles.
     """
     if prepared.period_s is None:
         return None
@@ -38,7 +38,7 @@ def repeatability(prepared: PreparedRun) -> float | None:
     if len(forces) < 2:
         return None
     deviation = forces - forces.mean(axis=0)
-    # The mean is computed from the same m cycles. Therefore only m - 1 deviations are independent.
+    # The deviations of m cycles from their own mean have m - 1 degrees of freedom at each phase.
     spread = np.sqrt(np.sum(deviation**2) / ((len(forces) - 1) * forces.shape[1]))
     return 100.0 * float(spread / np.std(forces))
 
@@ -64,8 +64,8 @@ def estimate_lag(prepared: PreparedRun, period_s: float) -> float:
     """Return the lag [s] of the force relative to the velocity by cross-correlation over two or more cycles.
 
     The search covers lags up to a quarter of the period and correlates whole periods. A parabola through the
-    maximum and its neighbours resolves fractions of a sample. The lag is the sum of the hysteresis of the
-    damper and the delay between the channels. Therefore compare lags between runs, or check only the sign.
+    maximum and its neighbours resolves fractions of a sample. The hysteresis of the damper and the delay
+    between the channels add up in the lag. Therefore compare lags of different runs, or use only the sign.
     """
     path = prepared.trajectory
     per_cycle = period_s / path.step

@@ -39,9 +39,9 @@ def find_few_samples(prepared: PreparedRun) -> Iterator[Finding]:
 
 
 def find_noise(prepared: PreparedRun) -> Iterator[Finding]:
-    """Generate findings on noise of the force and on its deviation from the mean cycle.
+    """Generate findings on the noise of the force, and on its deviation from the mean cycle.
 
-    Both are compared with the standard deviation of the force.
+    Noise and deviation are compared with the standard deviation of the force.
     """
     spread = float(np.std(prepared.force[prepared.scored_from :]))
     noise = white_noise(prepared.force[prepared.scored_from :])
@@ -79,10 +79,9 @@ def find_noise(prepared: PreparedRun) -> Iterator[Finding]:
 def find_interference(prepared: PreparedRun) -> Iterator[Finding]:
     """Generate a finding on a spectral line of the force that the periodic motion does not excite.
 
-    The cause is interference or an alias.
-
-    The spectrum of the deviation from the mean cycle contains noise. Drift and slow changes of the force are
-    close to multiples of the motion's frequency. A line between these multiples is not caused by the motion.
+    Such a line is caused by interference or aliasing. The line is searched in the spectrum of the deviation
+    from the mean cycle. In this spectrum, drift and slow changes of the force are close to multiples of the
+    motion's frequency. A line between these multiples is not caused by the motion.
     """
     if prepared.period_s is None or prepared.run.constant_command is None:
         return

@@ -16,15 +16,15 @@ from mrdamper.quantities import QUANTITIES
 
 _MEASURED = ("displacement", "force", "velocity")
 
-STEP_RATIO = math.sqrt(12.0)  # The standard error of rounding is the step divided by this.
+STEP_RATIO = math.sqrt(12.0)  # rounding step / standard deviation of the rounding error
 
 
 def find_clipping(recording: Recording) -> Iterator[Finding]:
     """Generate findings on clipped channels: far more samples have the extreme value than the next values.
 
-    The number of samples with the extreme value is compared with the mean number at the next four values,
-    which a smooth signal reaches nearly as often. A segment of extreme values counts only if the signal
-    enters or leaves it with a slope. This condition excludes the reversals of a coarsely quantised sine.
+    The number of samples with the extreme value is compared with the mean number at the next four values. A
+    smooth signal reaches these values nearly as often. Consecutive extreme values count only if the signal
+    has a slope just before or after them, unlike a coarsely quantised sine at a reversal.
     """
     for role, values in _varying_channels(recording):
         counts = np.unique(values, return_counts=True)[1]
@@ -60,7 +60,7 @@ def find_clipping(recording: Recording) -> Iterator[Finding]:
 
 
 def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
-    """Generate findings on stuck sensors: force is constant while displacement changes, or the reverse."""
+    """Generate findings on stuck sensors: force or displacement is constant while the other one changes."""
     x, force = recording.displacement, recording.force
     for role, values, other in (("force", force, x), ("displacement", x, force)):
         segments = sorted(_segments(np.append(np.diff(values) == 0.0, False)), key=lambda s: s[0] - s[1])
@@ -71,8 +71,8 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
             if b - a < least:
                 break
             if max(steps[a], steps[b + 1]) <= near:
-                continue  # The motion is so slow that the converter's output is constant.
-            # The force may relax at rest.
+                continue  # A slow signal stays within one step of the converter.
+            # The force of a damper at rest may relax. Therefore a larger change of the force is required.
             share = SETTINGS.stuck_motion_ratio_min if role == "force" else 0.5
             if np.ptp(other[a : b + 1]) < share * moved:
                 continue
@@ -94,7 +94,7 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
 
 
 def _coarse_step(values: FloatArray) -> float:
-    """Return the resolution of a channel if coarse relative to the channel's standard deviation, else 0."""
+    """Return the resolution of a channel, or 0 if it is fine relative to the channel's standard deviation."""
     resolution = resolution_of(values)
     return resolution if resolution / STEP_RATIO > SETTINGS.coarse_note_ratio * float(np.std(values)) else 0.0
 
@@ -157,7 +157,7 @@ def resolution_of(values: FloatArray) -> float:
     if len(levels) < 3 or len(levels) > 0.5 * len(values):
         return 0.0
     apart = np.diff(levels)
-    apart = apart[apart > 1e-9 * np.ptp(levels)]  # Smaller distances are rounding errors of equal values.
+    apart = apart[apart > 1e-9 * np.ptp(levels)]  # Smaller distances are rounding errors.
     resolution = float(np.median(apart))
     multiples = apart / resolution
     nearest = np.round(multiples)
@@ -166,7 +166,7 @@ def resolution_of(values: FloatArray) -> float:
 
 
 def _segments(flags: np.ndarray) -> list[tuple[int, int]]:
-    """Return the segments in which a flag is set, each as (first, last + 1)."""
+    """Return (first, last + 1) of each group of consecutive flags that are True."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
     return list(zip(edges[0::2].tolist(), edges[1::2].tolist(), strict=True))
 
@@ -179,12 +179,12 @@ def _varying_channels(recording: Recording) -> Iterator[tuple[str, FloatArray]]:
 
 
 def _steps(values: FloatArray) -> FloatArray:
-    """Return the absolute change before each sample, shape (n + 1,), 0 at both ends."""
+    """Return abs(values[k] - values[k - 1]) for k = 0 to n. The first and the last are 0."""
     return np.abs(np.diff(values, prepend=values[:1], append=values[-1:]))
 
 
 def _has_slope(values: FloatArray, a: int, b: int) -> bool:
-    """Return True if the signal has a slope before or after a segment; at a reversal the slope is zero."""
+    """Return True if the signal changes just before row ``a`` or just after row ``b - 1``."""
     steps, usual = _steps(values), float(np.sqrt(np.mean(np.diff(values) ** 2)))
     return a > 0 and b < len(values) and max(steps[a], steps[b]) > 0.05 * usual
 

@@ -23,7 +23,7 @@ class DiagnosisSettings:
     reversal_fit_sample_count: int = 4  # samples on each side of a reversal that determine its time
     half_cycle_ratio_max: float = 0.2  # relative difference of the half-cycle durations of a periodic motion
     force_delay_max_s: float = 0.010
-    force_delay_min_s: float = -0.002  # negative: the force may lead by this time
+    force_delay_min_s: float = -0.002  # negative: the force leads
     frequency_ratio_min: float = 1.3  # min ratio of frequencies to distinguish a delay from compliance
 
     # Runs that differ from their name or from runs of the same motion
@@ -31,9 +31,9 @@ class DiagnosisSettings:
     sibling_run_count_min: int = 3  # min number of other runs with the same motion
 
     # Offset, drift and delay of one run
-    force_offset_ratio_max: float = 0.05  # fraction of the force's standard deviation
+    force_offset_ratio_max: float = 0.05  # mean force / standard deviation of the force
     drift_ratio_max: float = 0.03  # fraction of the stroke and of the force range
-    force_range_change_max_percent: float = 5.0  # from the first to the last cycle
+    force_range_change_max_percent: float = 5.0  # change between the first and the last cycle
     force_lead_max_periods: float = 0.003  # The force may lead the velocity by this fraction of the period.
     force_lag_max_periods: float = 0.17  # The force may lag the velocity by this fraction (60 degrees).
 
@@ -55,12 +55,12 @@ class DiagnosisSettings:
     cycle_deviation_max_percent: float = 5.0  # deviation from mean cycle / standard deviation of force
     line_force_ratio_min: float = 0.03  # rms of a spectral line / standard deviation of the force
     line_power_ratio_min: float = 0.5  # power of the line / power of the deviation from the mean cycle
-    # Min distance of a spectral line from a harmonic in bins of the spectrum. After conversion to harmonic
-    # numbers, this distance is limited to the range that follows.
+    # Min distance of a spectral line from a harmonic of the motion, in bins of the spectrum. In multiples of
+    # the motion's frequency, this distance is limited to ``line_distance_range_harmonics``.
     line_distance_min_bins: float = 1.2
     line_distance_range_harmonics: tuple[float, float] = (0.1, 0.3)
     line_cycle_count_min: int = 3
-    line_harmonic_min: float = 2.0  # Lower harmonics contain slow changes of the force.
+    line_harmonic_min: float = 2.0  # Slow changes of the force are below this harmonic.
 
     # Clipped channels
     clipped_segment_samples_min: int = 3  # consecutive samples at the extreme value
@@ -70,21 +70,21 @@ class DiagnosisSettings:
     clipped_ratio_max: float = 0.01  # A larger fraction of clipped samples is a fault.
 
     # Coarse, stuck or disturbed channels
-    coarse_note_ratio: float = 0.01  # rounding error / standard deviation, above which there is a note
-    coarse_warning_ratio: float = 0.03  # rounding error / standard deviation, above which there is a warning
-    quantised_ratio_min: float = 0.8  # fraction of the distances between values that are 1, 2 or 3 steps
+    coarse_note_ratio: float = 0.01  # rounding error / standard deviation; a larger ratio gives a note
+    coarse_warning_ratio: float = 0.03  # rounding error / standard deviation; a larger ratio gives a warning
+    quantised_ratio_min: float = 0.8  # Quantised: this fraction of differences is 1, 2 or 3 steps.
     stuck_steps_min: int = 20  # time steps with a constant value
     stuck_motion_ratio_min: float = 0.15  # change of the displacement / its range, while the force is stuck
     stuck_length_ratio_min: float = 5.0  # length of a constant segment / 90 % quantile of all such lengths
-    stuck_level_max_steps: float = 1.5  # difference of neighbouring quantised values / resolution
+    stuck_level_max_steps: float = 1.5  # change before and after a slow, constant segment / resolution
     spike_height_ratio_min: float = 0.1  # height of a spike / range from 0.5 % to 99.5 % quantile
     spike_noise_ratio_min: float = 30.0  # height of a spike / white noise
-    spike_samples_min: int = 100  # min number of samples in a run, and min number of samples per spike
+    spike_samples_min: int = 100  # min number of samples in a run, and min number for each spike
 
     # Lost samples and jumps of the displacement
     lost_step_ratio_min: float = 1.5  # time step / median time step
     jump_slope_ratio_min: float = 0.6  # jump / rms slope of the displacement
-    jump_noise_ratio_min: float = 10.0  # jump / scatter of the slopes around their neighbours
+    jump_noise_ratio_min: float = 10.0  # jump / typical difference between neighbouring slopes
     jump_samples_min: int = 64  # Shorter runs have too few neighbouring steps.
 
 

@@ -272,8 +272,8 @@ def integrated(piece: Piece) -> Piece:
 def _slope(path: FloatArray, time: FloatArray) -> float:
     """Return the drift of a path [m/s].
 
-    For a periodic path, the drift is the mean slope over whole cycles. A line fitted to a part of a sine has a
-    slope even without drift. For any other path, the drift is the slope of a fitted line.
+    For a periodic path, the drift is the mean slope over whole cycles. A line fitted to a part of a sine has
+    a slope even without drift. For any other path, the drift is the slope of a fitted line.
     """
     duration = float(time[-1] - time[0])
     line = float(np.polyfit((time - time[0]) / duration, path, 1)[0]) / duration

@@ -161,7 +161,7 @@ def has_word(header: str, kind: Kind) -> bool:
 
 
 def says_command(word: str) -> bool:
-    """Return True if the header of a column in volts names a command. Otherwise it may be a sensor output."""
+    """Return True if the header of a column in volts names a command, and not a sensor output."""
     return _COMMAND.search(_split_words(word)) is not None and not has_word(word, "sensor output")
 
 
@@ -173,7 +173,7 @@ def is_command_share(name: str, unit: str) -> bool:
 
 
 def is_per_cent(text: str) -> bool:
-    """Return True if a name ends with per cent, or a unit is per cent."""
+    """Return True if a header or a line states the unit per cent, or if a unit is per cent."""
     return _PER_CENT.search(text) is not None
 
 
@@ -230,8 +230,8 @@ def strip_channel(stem: str) -> str:
 def is_unit_beside(text: str, role: str) -> bool:
     """Return True if the text next to a word of a role is a unit.
 
-    A text of one letter must be a unit of the role, or V. Any other letter may be the number of a sensor, as
-    in ``force_A``.
+    A single letter must be a unit of the role, or V, because other letters may number the sensors:
+    ``force_A``, ``force_B``.
     """
     roles = roles_of_unit(text)
     return role in roles or "voltage" in roles or (bool(roles) and len(text.strip("[]() ")) > 1)
@@ -249,7 +249,7 @@ def unit_in_brackets(header: str) -> str:
 
 
 def candidates(role: str, headers: Sequence[str]) -> list[str]:
-    """Return the headers that may mean a role: those with its word or symbol, else those with its unit."""
+    """Return the headers with the name or the symbol of a role, else the headers with a unit of the role."""
     quantity = QUANTITIES[role]
     words = [word for word in quantity.headers if len(word) > (2 if word.isascii() else 1)]
     named = [
@@ -261,7 +261,7 @@ def candidates(role: str, headers: Sequence[str]) -> list[str]:
     units = {
         header: unit_in_brackets(header) or header.rpartition("_")[2]
         for header in headers
-        if parse_header(header) is None  # The header "Force (V)" is not a voltage.
+        if parse_header(header) is None  # "Force (V)" is a force, not a voltage.
     }
     return named or [header for header, unit in units.items() if is_unit(unit, [role])]
 

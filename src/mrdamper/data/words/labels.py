@@ -25,8 +25,8 @@ _UNITS = {
     "temperature": r"(?i:(?:°|º|deg(?:\.|rees?)?|grad)?\s?(?:[CF]|celsius|fahrenheit))|K|℃|℉",
 }
 _SYMBOLS = {"current": "iI", "voltage": "uUvV", "temperature": "tT"}
-# A number is a separate word or follows its sign or symbol: "rev2A" is not a current and "0-1.5A" is a range.
-# A minus after a letter is a dash before a current, but may be the sign of a temperature.
+# A number begins a word or follows its sign or symbol: "rev2A" is not a current and "0-1.5A" is a range. The
+# minus in "I-2A" is a dash, but the minus in "T-5C" may be the sign of the temperature.
 _BEGIN = r"(?:(?<![\w.,+%-])|(?<=_)|(?<=(?<![^\W_])[{symbol}])|(?<=(?:(?<=[\s_=:(])|(?<![\s\S]))[+-]){dash})"
 _DASHES = dict.fromkeys(("current", "voltage"), r"|(?<=(?<![\d.])[^\W\d]-)") | {"temperature": ""}
 _RANGE = r"(?:(?<=\bset to )|(?<!\bto ))(?<!\bbis )(?<![-–…~] )(?<!\d[eEdD] [+-])"
@@ -118,16 +118,16 @@ def labels_in(text: str, role: str) -> tuple[float, ...]:
 
 
 def _to_float(number: str) -> float:
-    """Return a number with a decimal comma or point or the letter p (1p5), and an exponent (1.5D+00)."""
+    """Return the number in a text such as ``1.5``, ``1,5``, ``1p5`` or ``1.5D+00``."""
     return float(re.sub("[,p]", ".", re.sub("[dD]", "e", number)))
 
 
 def find_label(places: Sequence[Place], role: str) -> Label | None:
     """Return the label of the nearest text with a value of the role, None if no text has a value.
 
-    A text with a single value has priority. If other texts about the file state different values, the label
-    is ambiguous and contains their labels. Only documents can contradict a temperature, because file names
-    state nominal temperatures.
+    A text with a single value has priority over texts with several values. If other texts about the file
+    state different values, the label is ambiguous, and ``others`` has the labels of these texts. Only a
+    document can contradict a temperature, because file names state nominal temperatures.
     """
     found: list[Label] = []
     for source in dict.fromkeys(place.source for place in places):
@@ -147,10 +147,10 @@ def find_label(places: Sequence[Place], role: str) -> Label | None:
 
 
 def places_of(title: str, said: Iterable[str], path: Path) -> tuple[Place, ...]:
-    """Return the texts that may describe a table, the nearest first."""
+    """Return the texts that may describe a table: title, lines above it, file name, names of two folders."""
     found = [Place("title", title)] if title else []
     found += [Place("header", line) for line in said]
-    # In "run1_0.5A", the text after the point is not the suffix of a file.
+    # The text after the point in "run1_0.5A" is not the suffix of a file.
     found += [Place("file name", path.name if path.suffix[1:2].isdigit() else path.stem)]
     folders = [path.parent, path.parent.parent]
     return (*found, *(Place(f"folder {each.name!r}", each.name) for each in folders if each.name))
@@ -180,7 +180,7 @@ def _may_say(place: Place, role: str) -> bool:
         return True
     if _NOT_SET.search(place.text):
         return False
-    # A supply states its rating, such as 24 V and 5 A, unless the line is about a set current.
+    # A line about a power supply states its rating, such as 24 V and 5 A, or a set current, which is used.
     is_set = role == "current" and _SET.search(place.text) and not labels_in(place.text, "voltage")
     if role != "temperature" and _SUPPLY.search(place.text) and not is_set:
         return False

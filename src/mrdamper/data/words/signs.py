@@ -15,7 +15,7 @@ _POLARITIES = {
     1: re.compile(r"\bposit|\bkladn|\bdodat|\bполож|正", re.IGNORECASE),
     -1: re.compile(r"\bnegat|\bz[áa]porn|\bujemn|\bотриц|负|負", re.IGNORECASE),
 }
-# Directions, with the roles that use the word: a rod is retracted, a force is a tension.
+# (sign, roles) -> words of a direction. "Retracted" applies to displacement, "tension" to force.
 _DIRECTIONS = {
     (1, _ROLES[:1]): r"exten[ds]|extensi|estension|ausfahr|ausfeder|roztaž|wysu[wn]|выдви|伸",
     (
@@ -63,7 +63,7 @@ def _signs_of_line(line: str) -> list[tuple[str, int]]:
 
 
 def _clauses_of(line: str) -> list[str]:
-    """Return the clauses of a line. The name of a role after a direction begins another clause."""
+    """Return the clauses of a line. A role that follows a direction begins the next clause."""
     clauses = [""]
     for part in _CLAUSES.split(line):
         clauses.append("")
@@ -79,7 +79,7 @@ def _directions_in(text: str) -> list[tuple[int, tuple[str, ...]]]:
 
 
 def _roles_in(text: str) -> tuple[str, ...]:
-    """Return the roles that a text names with other words than directions."""
+    """Return the roles that a text names, without the words of directions."""
     for form in _DIRECTION_FORMS.values():
         text = form.sub(" ", text)
     return tuple(role for role in _ROLES if speaks_of(text, role))
