@@ -156,7 +156,7 @@ class _Document:
 
 @dataclass(frozen=True, slots=True)
 class ChannelMap:
-    """The settings of a channel map. If the map is empty, the header of the file states all columns."""
+    """The settings of a channel map. Columns that the map does not state are found by their headers."""
 
     channels: Mapping[str, Channel] = field(default_factory=lambda: MappingProxyType({}))
     constant: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))  # role -> value in SI

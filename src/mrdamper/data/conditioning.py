@@ -18,7 +18,7 @@ from mrdamper.excitation import Trajectory
 
 # The temperature of a run with a smaller drift is replaced by its mean.
 DRIFT_MAX_K = 1.0
-# The mean temperatures of this number of equal parts show if a run warms up and cools down again.
+# The run is divided into this number of parts. Their mean temperatures show if it warms up and cools down.
 PART_COUNT = 8
 # Cut-off of the temperature smoothing. Temperature changes slowly because of the heat capacity.
 TEMPERATURE_CUTOFF_Hz = 0.25
@@ -67,12 +67,15 @@ def even_step(time: FloatArray) -> float | None:
     """Return the step [s] of uniform time stamps, None if the run must be resampled."""
     step = float(time[-1] - time[0]) / (len(time) - 1)
     off = float(np.max(np.abs(time - (time[0] + step * np.arange(len(time))))))
-    # Resample if a time stamp deviates more than this from a uniform grid.
+    # Times are uniform if they deviate from a grid by at most 0.1 % of a step, or by their rounding.
     return step if off <= max(1e-3 * step, 0.6 * _rounding(time, off)) else None
 
 
 def _rounding(time: FloatArray, off: float) -> float:
-    """Return the power of ten [s] to which times are rounded, at least ``off``; 0 if they are not rounded."""
+    """Return the power of ten [s] to which the times are rounded, or 0 if they are not rounded.
+
+    ``off`` [s] is the largest deviation of the times from a uniform grid. Smaller powers are not tried.
+    """
     unit = 10.0 ** math.ceil(math.log10(off)) if off > 0.0 else 0.0
     for candidate in (unit, 10.0 * unit):
         if candidate and np.allclose(time / candidate, np.round(time / candidate), rtol=0.0, atol=1e-4):
@@ -132,10 +135,11 @@ def condition_run(sampled: Samples, path: Kinematics, rules: Rules) -> Trajector
 def condition_temperature(temperature: FloatArray, step: float, lag_s: float = 0.0) -> FloatArray:
     """Return the measured temperature [K] with the noise and the lag of the sensor removed, shape (n,).
 
-    The temperature is replaced by its mean if its linear drift is below 1 K (or three standard errors of the
-    drift), and the means of the eighths of the run agree within 1 K (or six standard errors of a mean). Other
-    temperatures are smoothed with a cut-off of 0.25 Hz, or by a straight line if the run is shorter than
-    16 s. A first-order lag ``lag_s`` of the sensor is compensated: T + lag dT/dt.
+    A constant temperature is replaced by its mean. "Constant" means two conditions. The linear drift is below
+    1 K (or three standard errors of the drift). The means of eight equal parts of the run agree within 1 K
+    (or six standard errors of a mean). Any other temperature is smoothed with a cut-off of 0.25 Hz, or by a
+    straight line if the run is shorter than 16 s. A first-order lag ``lag_s`` of the sensor is compensated:
+    T + lag dT/dt.
     """
     n = len(temperature)
     time = step * (np.arange(n) - 0.5 * (n - 1))

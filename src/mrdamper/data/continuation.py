@@ -15,16 +15,16 @@ import numpy as np
 from mrdamper.data.records import CHANNELS, Dataset, RigRun, command_slack
 
 _SEAM_STEPS_MAX = 2.5  # Max time [steps] from the last sample of a part to the first of the next.
-_RMS_RATIO_MAX = 1.3  # Parts of one record have similar displacements and speeds.
+_RMS_RATIO_MAX = 1.3  # max ratio of the rms values (displacement, speed) of two parts
 _SEAM_TEMPERATURE_K_MAX = 1.0
 
 
 def join_continuations(runs: Dataset) -> tuple[Dataset, tuple[str, ...]]:
     """Return the joined runs, and the names of the runs that were appended to another run.
 
-    A run continues a previous run if it is from a different file, has the same constant command, starts at
-    most 2.5 time steps after the end of the previous run, and continues the motion and the temperature. A
-    joined run has the name of its first part.
+    A run continues a previous run if it begins at most 2.5 time steps after the end of the previous run. It
+    must be from a different file, have the same constant command, and continue the motion and the
+    temperature. A joined run has the name of its first part.
     """
     first_parts: dict[str, list[RigRun]] = {}  # name of the last run of a record -> all parts of the record
     for run in sorted(runs, key=lambda run: (float(run.time[0]), run.name)):
@@ -38,7 +38,6 @@ def join_continuations(runs: Dataset) -> tuple[Dataset, tuple[str, ...]]:
 
 
 def _continues(run: RigRun, previous: RigRun) -> bool:
-    """Return True if ``run`` is the continuation of ``previous``."""
     step_s = float(previous.time[-1] - previous.time[0]) / (len(previous) - 1)
     if not -0.5 * step_s < run.time[0] - previous.time[-1] < _SEAM_STEPS_MAX * step_s:
         return False

@@ -42,8 +42,8 @@ class CycleFigures:
     stiffness_N_per_m: FloatArray
     highest_force_N: FloatArray
     lowest_force_N: FloatArray
-    temperature_K: FloatArray  # Mean; NaN if temperature was not measured.
-    command: FloatArray  # Mean [A or V].
+    temperature_K: FloatArray  # Mean over the cycle; NaN if not measured.
+    command: FloatArray  # Mean over the cycle [A or V].
     samples: NDArray[np.int64]
 
     def __len__(self) -> int:
@@ -119,7 +119,7 @@ def unbroken_segments(run: Recording) -> list[slice]:
     for values, role in (
         (run.displacement, "displacement"),
         (run.force, "force"),
-        (run.command, "voltage"),  # The range of voltage is wider than the range of current.
+        (run.command, "voltage"),  # The valid range of voltage includes the range of current.
     ):
         valid &= (values >= QUANTITIES[role].low) & (values <= QUANTITIES[role].high)
     steps = np.diff(run.time)

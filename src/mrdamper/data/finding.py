@@ -24,20 +24,20 @@ class Finding:
 
     kind: str  # A stable name such as "clipped" or "force_sign".
     severity: Severity = "warning"
-    channel: str = ""  # Role; "" if the finding concerns the whole run.
+    channel: str = ""  # Role, such as "force"; "" if the finding concerns the whole run.
     found: str
     effect: str  # Effect on a fit.
     remedy: str
     size: float | None = None  # Size in ``unit``.
     unit: str = ""
-    low: float | None = None  # Interval of an estimated size.
+    low: float | None = None  # The true size is between ``low`` and ``high``.
     high: float | None = None
-    from_s: float | None = None  # Begin and end in the run's time.
+    from_s: float | None = None  # The fault is between ``from_s`` and ``to_s`` of the run.
     to_s: float | None = None
     run: str = ""  # Name; "" if the finding concerns the whole campaign.
 
     def add_interval(self, error: float) -> Finding:
-        """Return the finding with the interval of its size: plus or minus two standard errors ``error``."""
+        """Return the finding with an interval of its size: two standard errors ``error`` on each side."""
         assert self.size is not None
         return replace(self, low=self.size - 2.0 * error, high=self.size + 2.0 * error)
 
@@ -70,7 +70,7 @@ class Inference:
 
 
 def by_kind(findings: Sequence[Finding]) -> list[tuple[Finding, int]]:
-    """Return (largest finding, number of runs) for each severity, kind and channel, worst first.
+    """Return (finding of the largest size, number of runs) by severity, kind and channel, worst first.
 
     Runs that are copies of other runs are not counted. The number of runs is 0 if the finding concerns the
     whole campaign.

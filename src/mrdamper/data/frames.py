@@ -2,8 +2,8 @@
 
 A data frame is read like the table of a file (``proposal``): the name of a column states its quantity and
 unit (``force_N``, ``Force [kN]``). Nothing is guessed, and missing information is requested. The second
-argument of ``read`` maps a quantity with its unit to the name of a column, to an array or to a constant:
-``read(frame, {"force_kN": "Load", "current_A": 1.0})``.
+argument of ``mrdamper.read`` maps a quantity with its unit to the name of a column, to an array or to a
+constant: ``read(frame, {"force_kN": "Load", "current_A": 1.0})``.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class Frame:
                 raise InputError(
                     place=self.name, found=f"column {name!r} ({fault})", expected="numbers"
                 ) from fault
-        if len({len(values) for values in numbers.values()} - {1}) > 1:  # A single number is a constant.
+        if len({len(values) for values in numbers.values()} - {1}) > 1:  # One number applies to all samples.
             sizes = ", ".join(f"{name} {len(values)}" for name, values in numbers.items())
             found = f"columns differ in length ({sizes})"
             raise InputError(place=self.name, found=found, expected="one value of each per sample")
@@ -128,7 +128,7 @@ def is_frame(given: object) -> bool:
 
 
 def parts_of(given: Any) -> list[Any]:  # noqa: ANN401 - a path, run or frame, or a sequence of these
-    """Return the input as a list of paths, runs and named frames. A mapping names its frames."""
+    """Return the input as a list of paths, runs and named frames. The keys of a mapping are the names."""
     if isinstance(given, str | Path | RigRun):
         return [given]
     if isinstance(given, np.ndarray) and given.dtype.names is None:
@@ -152,7 +152,7 @@ def parts_of(given: Any) -> list[Any]:  # noqa: ANN401 - a path, run or frame, o
 
 
 def _columns_of(frame: Any) -> Mapping[str, Any]:  # noqa: ANN401 - of pandas, Polars, NumPy, or a mapping
-    """Return the columns of a frame by name, with the index of pandas if it has a name or holds times."""
+    """Return the columns of a frame by name. An index of pandas is a column if it has a name or has times."""
     if isinstance(frame, Mapping):
         return {str(name): values for name, values in frame.items()}
     if isinstance(frame, np.ndarray):
@@ -173,7 +173,7 @@ def _columns_of(frame: Any) -> Mapping[str, Any]:  # noqa: ANN401 - of pandas, P
 
 
 def _name_of(name: object) -> str:
-    """Return the name of a column: the levels of its header, with brackets around a unit in level two."""
+    """Return the name of a column. A pandas header with the levels "Force" and "N" becomes "Force [N]"."""
     if not isinstance(name, tuple):
         return str(name)
     words = [str(word) for word in name if str(word)]
@@ -192,7 +192,7 @@ def columns_by_name(
 
     Parameters
     ----------
-    given : paths, runs or frames; None: the columns are the run
+    given : paths, runs or frames; None: ``columns`` contain all data of the run
     columns : quantity with or without unit (``force_kN``) -> name of a column, the column itself, or one
         number for the whole run; the key ``rate_Hz`` is the sampling rate
 

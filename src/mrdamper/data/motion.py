@@ -22,7 +22,7 @@ _STROKE_DEVIATION_MAX = 0.15  # Equal strokes and durations deviate from their m
 
 @dataclass(frozen=True, slots=True)
 class MotionFound:
-    """Result of the classification: label, period (None: not periodic), and mean or median half period."""
+    """Result of the classification. A motion that is not periodic has no ``period_s``."""
 
     label: str
     period_s: float | None
@@ -32,11 +32,11 @@ class MotionFound:
 def describe_motion(displacement: FloatArray, step: float) -> MotionFound:
     """Classify a motion by the turning points of a displacement [m] at a uniform step [s].
 
-    - At least 70 % equal strokes (within 15 % in length and duration): a sine, or a triangle if the rms is
-      nearer to the rms of a triangle. The amplitude is half the median stroke.
-    - Durations that change smoothly from stroke to stroke, by a factor above 1.5 in total: a chirp.
-    - An autocorrelation above 0.9 at a lag: periodic, with this lag as period.
-    - All other motions: random, with the frequency band that holds 90 % of the squared velocity.
+    - Sine: at least 70 % of the strokes are equal (within 15 % in length and duration). The amplitude is half
+      the median stroke. The motion is a triangle if the rms is nearer to the rms of a triangle.
+    - Chirp: the durations of the strokes change smoothly, by a factor above 1.5 in total.
+    - Periodic: the autocorrelation exceeds 0.9 at a lag, which is the period.
+    - Random: all other motions. The label has the frequency band with 90 % of the squared velocity.
 
     Amplitudes have two significant digits. A frequency is replaced by the roundest number within 2.5 %
     (10 % for the ends of a band): 0.2549 and 0.2551 Hz are "0.25 Hz". If a motion has no period, the half
@@ -54,12 +54,12 @@ def describe_motion(displacement: FloatArray, step: float) -> MotionFound:
     alike = (np.abs(durations / half - 1.0) < _STROKE_DEVIATION_MAX) & (
         np.abs(strokes / stroke - 1.0) < _STROKE_DEVIATION_MAX
     )
-    # A motion is periodic if at least this fraction of its strokes is equal.
+    # The motion is a sine or a triangle if at least 70 % of its strokes are equal.
     if np.count_nonzero(alike) >= 0.7 * len(alike):
         regular = np.flatnonzero(alike)
         period = 2.0 * float(durations[regular[1:-1] if len(regular) > 4 else regular].mean())
         steady = displacement[turns[regular[0]] : turns[regular[-1] + 1]]
-        # Midpoint of rms / amplitude: sine 0.707, triangle 0.577.
+        # The ratio rms / amplitude is 0.707 for a sine and 0.577 for a triangle. The limit is midway.
         kind = "triangle" if float(np.std(steady)) < 0.64 * stroke / 2 else "sine"
         return MotionFound(f"{kind} {_mm(stroke / 2)} {_round_number(1.0 / period)} Hz", period, period / 2)
     change = float(np.median(np.abs(np.diff(np.log(durations)))))  # Relative change from stroke to stroke.
@@ -79,10 +79,10 @@ def describe_motion(displacement: FloatArray, step: float) -> MotionFound:
 
 def _period_by_autocorrelation(displacement: FloatArray, step: float) -> float | None:
     n = len(displacement)
-    size = 1 << (2 * n - 1).bit_length()  # Zero padding at least doubles the length.
+    size = 1 << (2 * n - 1).bit_length()  # Zero padding avoids a circular correlation.
     centred = displacement - displacement.mean()
     echo = fft.irfft(np.abs(fft.rfft(centred, size)) ** 2, size)[: n // 2]
-    # Normalise by the energy of the two segments that overlap at each lag.
+    # The correlation at a lag is divided by the rms of the two sections that overlap at this lag.
     energy = np.concatenate(([0.0], np.cumsum(centred**2)))
     lags = np.arange(len(echo))
     overlap = np.sqrt(energy[n - lags] * (energy[n] - energy[lags]))
@@ -91,7 +91,7 @@ def _period_by_autocorrelation(displacement: FloatArray, step: float) -> float |
     if not len(below):
         return None
     rest = echo[below[0] :]
-    if not rest.max() > 0.9:  # A periodic motion has a larger autocorrelation at its period.
+    if not rest.max() > 0.9:  # The motion is not periodic.
         return None
     near = np.flatnonzero(rest > 0.98 * rest.max())  # The first peak is the period, later ones are multiples.
     first = near[: int(np.argmax(np.diff(near, append=len(echo)) > 1)) + 1]
@@ -111,7 +111,7 @@ def _two_digits(value: float) -> str:
 
 
 def _round_number(value: float, tolerance: float = 0.025) -> str:
-    """Return the roundest number near a value: one digit, else two digits that end with 5, else any two."""
+    """Round a value to one digit or to two digits that end with 5 if within ``tolerance``, else to two."""
     decade = 10.0 ** np.floor(np.log10(value))
     for unit in (decade, 0.5 * decade):
         near = unit * round(value / unit)

@@ -29,7 +29,7 @@ _PLOT_DURATION_s = 3.0  # Plotted duration of a motion without a period.
 Reference = Literal["start", "mean", "none"]
 VelocitySource = Literal["displacement", "channel"]
 
-_VELOCITY_DIFFERENCE_MAX_RATIO = 0.1  # Rms difference / rms of the velocity from displacement.
+_VELOCITY_DIFFERENCE_MAX_RATIO = 0.1  # Rms difference of measured and derived velocity / rms velocity.
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +38,8 @@ class Preparation:
 
     cutoff_Hz: Positive | None = None  # Smoothing of displacement; math.inf: no smoothing.
     dead_band_m: NotNegative | None = None  # Smaller reversals are noise.
-    reference: Reference = "start"  # Zero of displacement.
-    velocity: VelocitySource = "displacement"  # Derivative of displacement, or the measured channel.
+    reference: Reference = "start"  # Choice of the zero of displacement.
+    velocity: VelocitySource = "displacement"  # Source: derivative or measured channel.
     from_s: float | None = None  # First time [s] in the file's clock.
     to_s: float | None = None  # Last time [s].
     force_offset_N: float = 0.0  # Known tare, subtracted from the force.
@@ -114,8 +114,9 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     if the run starts slowly, with at most a tenth of its maximum speed and acceleration. A run that begins in
     motion has its mean as zero. "mean": zero is the mean of the run. "none": as measured.
 
-    *Score.* The motion starts if displacement is 2 % of its range away from its first value. Errors count
-    from half a period later. Without a period, half a period is the median time between reversals.
+    *Score.* The motion starts when displacement differs from its first value by 2 % of its range. Samples
+    later than half a period after the start are compared with a model. Without a period, half a period is the
+    median time between reversals.
 
     *Command.* A constant command with sensor noise is replaced by its median (``RigRun.constant_command``).
 
@@ -133,7 +134,7 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     sampled = sample_uniformly(run)
     displacement, step = sampled.displacement, sampled.step_s
     spectrum = measure_spectrum(displacement, step)
-    if float(np.std(displacement)) < 2.0 * spectrum.noise:  # A smaller rms displacement is only noise.
+    if float(np.std(displacement)) < 2.0 * spectrum.noise:  # There is no motion.
         raise InputError(
             place=run.name,
             found=f"displacement has only noise of {spectrum.noise:.2g} m rms and no motion",
@@ -149,7 +150,6 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
         dead_band = max(3.0 * spectrum.noise / math.sqrt(spacing), resolution)
 
     x = path.displacement
-    # The motion starts if displacement differs from its first value by 2 % of its range.
     started = int(np.argmax(np.abs(x - x[0]) > 0.02 * np.ptp(x)))
     rest = displacement[: max(1, started // 2)]
     if chosen.velocity == "channel":
@@ -212,7 +212,7 @@ def decimate(prepared: PreparedRun, rate_Hz: float) -> PreparedRun:
 def _reference(rule: Reference, rest: FloatArray, path: Kinematics, dead_band: float) -> float:
     """Return the zero of displacement [m] by a rule of ``prepare_run``.
 
-    ``rest`` is the measured displacement in the first half of the rest before the motion starts.
+    ``rest`` is the measured displacement in the first half of the time before the motion starts.
     """
     x = path.displacement
     if rule == "none":
@@ -221,7 +221,7 @@ def _reference(rule: Reference, rest: FloatArray, path: Kinematics, dead_band: f
         if np.ptp(x[: len(rest)]) <= 3.0 * dead_band:
             return float(np.median(rest))
         shares = [abs(a[0]) / np.abs(a).max() for a in (path.velocity, path.acceleration)]
-        if max(shares) <= 0.1:  # A run with a larger start speed or acceleration begins in motion.
+        if max(shares) <= 0.1:  # The run begins nearly at rest.
             return float(x[0])
     return float(np.mean(x))
 
@@ -244,7 +244,7 @@ def _check_velocity(run: RigRun, measured: FloatArray | None, derived: FloatArra
 def _check_sign(run: RigRun, force: FloatArray, velocity: FloatArray) -> None:
     power = float(np.mean((force - force.mean()) * (velocity - velocity.mean())))
     spread = float(np.std(force) * np.std(velocity))
-    if power < -0.05 * spread:  # The sign is wrong below this correlation of force and velocity.
+    if power < -0.05 * spread:  # The correlation is below -0.05.
         raise InputError(
             place=run.name,
             found=f"force and velocity have opposite signs (correlation {power / spread:.2f})",

@@ -121,17 +121,17 @@ def read_each(
     channels: ChannelMap | PathLike | None = None,
     answers: Sequence[Answer] = (),
 ) -> ReadFiles:
-    """Return the content of frames, files, folders and glob patterns: frames first, each file once.
+    """Return the content of data frames, files, folders and glob patterns, with frames first.
 
-    Folders are searched with their subfolders for files of the supported formats. Equal names of runs get the
-    names of their folders as prefixes.
+    Folders and their subfolders are searched for files of the supported formats. A file that is given twice
+    is read once. If runs have equal names, the names get the names of the folders as prefixes.
 
     Raise InputError if a path does not exist, or the channel map is not readable.
     """
     with TemporaryDirectory(prefix="mrdamper-") as space:
         read = _read_all(paths, channels, answers, Path(space))
         for file in read.unreadable:
-            relocate(file.fault, f"{space}/", "")  # An unpacked file has its path in the archive.
+            relocate(file.fault, f"{space}/", "")  # Messages show no temporary folder.
         return read
 
 
@@ -156,7 +156,7 @@ def _read_all(
     }
     documents = read_documents(files, sorted(folders))
     stating = {document.path for document in documents if document.lines} & {*files}
-    if len(stating) == len(files):  # If all files are documents, they are read for their error messages.
+    if len(stating) == len(files):  # If all files are documents, the user gets the errors of reading them.
         stating = set()
     for path in (*frames, *(path for path in files if path not in stating)):
         try:
@@ -187,7 +187,7 @@ def _read_all(
     objects = {path.suffix.lower() for path, _ in read} & GENERIC_SUFFIXES
     foreign = {*GENERIC_SUFFIXES} - objects
     ignored = [item for item in unreadable if _is_ignored(item, given | {*frames}, foreign)]
-    if not read and len(ignored) == len(unreadable):  # All errors are reported if there is no run.
+    if not read and len(ignored) == len(unreadable):  # All errors are reported if no file has a run.
         ignored = []
     faulty = tuple(
         replace(each, path=_outside(each.path, space)) for each in unreadable if each not in ignored
@@ -198,7 +198,7 @@ def _read_all(
 
 
 def _outside(path: Path, space: Path) -> Path:
-    """Return the path for messages. The path of an unpacked file begins with the folder of its archive."""
+    """Return the path of a file for messages, without the temporary folder ``space`` of unpacked archives."""
     return path.relative_to(space) if path.is_relative_to(space) else path
 
 
@@ -208,7 +208,7 @@ def _is_ignored(file: UnreadableFile, given: set[Path], foreign: set[str]) -> bo
     Parameters
     ----------
     given : paths that the user named; these files are never ignored
-    foreign : generic suffixes, such as .json, that no file with a run has
+    foreign : generic suffixes, such as .json, if no file with this suffix has a run
     """
     has_no_run = isinstance(file.fault, NoRunError | NoTableError)
     is_object = file.path.suffix.lower() in foreign and not isinstance(file.fault, AskingError)

@@ -36,7 +36,7 @@ CHANNELS = ("time", "displacement", "force", "command", "velocity", "temperature
 LEAST_SAMPLES = 16
 _SPEED_MAX_m_s = 10.0  # No damper rig is faster.
 _STROKE_MAX_m = 2.0  # No damper rig has a longer stroke.
-_BLOCK_STEP_COUNT = 16  # The mean of this number of time steps is nearly free of jitter.
+_BLOCK_STEP_COUNT = 16  # Time steps are averaged in groups of this size to remove jitter.
 STROKE_MIN_m = 1e-9  # A displacement with a smaller stroke is numerically constant.
 GAP_MIN_STEPS = 5.0  # A time step longer than this multiple of the median step is a gap.
 
@@ -155,7 +155,7 @@ class Dataset(Picture):
 
     def __repr__(self) -> str:
         """Return the text form: one line for each of the first runs."""
-        lines = [f"  {run!r}" for run in self.runs[:8]]  # Further runs are only counted.
+        lines = [f"  {run!r}" for run in self.runs[:8]]
         more = len(self) - len(lines)
         return "\n".join(
             [f"Dataset of {len(self)} runs", *lines, *([f"  ... and {more} more"] if more else [])]
@@ -249,7 +249,6 @@ def command_slack(command: float) -> float:
 
 
 def _faults(run: RigRun) -> list[InputError]:
-    """Return all faults of a run. The faults do not contain the name of the run."""
     faults: list[InputError] = []
     if not run.name:
         faults.append(InputError("has no name", remedy="Pass a name"))
@@ -347,7 +346,7 @@ def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
 
 
 def find_time_faults(time: FloatArray) -> Iterator[Finding]:
-    """Generate a finding if times [s] do not increase, change their rate, or have gaps."""
+    """Generate a finding if times [s] do not increase or have gaps, or if the sampling rate changes."""
     steps = np.diff(time)
     if not len(steps) or not np.isfinite(time).all():
         return
@@ -435,11 +434,11 @@ def _motion_faults(run: RigRun) -> list[InputError]:
         expected = f"at most {_SPEED_MAX_m_s:g} m/s and {_STROKE_MAX_m:g} m"
         return [InputError(f"{found}, with a stroke of {stroke:.3g} m", expected=expected, remedy=remedy)]
     values = len(np.unique(run.displacement))
-    if values < 8:  # Fewer distinct displacements are the noise of a sensor at rest.
+    if values < 8:  # A sensor at rest has few values.
         found = f"displacement takes only {values} values, {stroke:.2g} m apart at most"
         remedy = "Cut the run where the rig moves, or record a larger stroke"
         return [InputError(found, expected="a motion far above the sensor's resolution", remedy=remedy)]
-    # A reversal moves back by more than this fraction of the stroke.
+    # A motion back by less than 10 % of the stroke is not a reversal.
     reversals = len(turning_points(run.displacement, 0.1 * stroke))
     if reversals < 2:
         found = f"displacement has {reversals} reversal{'' if reversals == 1 else 's'}"

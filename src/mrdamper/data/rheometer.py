@@ -43,7 +43,7 @@ class _Quantity:
     """A quantity: its names in headers (longest first), its units, and example headers for messages."""
 
     words: tuple[str, ...]
-    units: Mapping[str, tuple[float, str]]  # Keys have no blanks, dots and slashes. Values: factor, SI unit.
+    units: Mapping[str, tuple[float, str]]  # unit without blanks, dots, slashes -> (factor, SI unit)
     offered: str
 
 
@@ -69,7 +69,7 @@ _QUANTITIES: Mapping[str, _Quantity] = MappingProxyType(
 )
 
 
-# Each pair is a quantity, and a second quantity that a table with the first quantity must contain.
+# A table with the first quantity of a pair must also contain the second quantity of the pair.
 _REQUIRED = (("viscosity", "temperature"), ("yield stress", "temperature"), ("yield stress", "field"))
 
 
@@ -140,7 +140,7 @@ def _find_column(what: str, names: Sequence[str], place: str) -> str | None:
 
 
 def _unit_in(header: str, what: str) -> str | None:
-    """Return the unit at the end of a header ("" if missing), None if the header names another quantity."""
+    """Return the unit in the header of a quantity, "" if missing, None for a header of other quantities."""
     for word in _QUANTITIES[what].words:
         spelled = word.replace(" ", r"[\s_]+")
         case = re.IGNORECASE if len(word) > 1 else re.NOFLAG
@@ -158,7 +158,6 @@ def _factor(what: str, unit: str) -> tuple[float, str] | None:
 
 
 def _to_si(table: Table, header: str, what: str, place: str) -> tuple[FloatArray, str]:
-    """Return a column converted to SI, and the SI unit."""
     if header not in table.columns:
         raise InputError(place=place, found=f"column {header!r} holds text", expected="numbers")
     unit = _unit_in(header, what) or ""
@@ -178,7 +177,6 @@ def _require_plausible(kelvin: FloatArray, header: str, place: str) -> None:
 
 
 def _complete_rows(what: str, place: str, *columns: FloatArray) -> tuple[FloatArray, ...]:
-    """Return the rows without empty cells."""
     complete = np.all(np.isfinite(columns), axis=0)
     if not complete.any():
         raise InputError(place=place, found=f"no row has every cell that a {what} law needs; fill them in")

@@ -1,6 +1,6 @@
 """Signals with a uniform time step: noise, cut-off, zero-phase smoothing and derivatives.
 
-The functions depend on arrays only. The module ``prepare`` applies them to runs, and the module ``motion``
+The functions take arrays. The module ``prepare`` applies these functions to runs, and the module ``motion``
 labels the motions.
 """
 
@@ -18,7 +18,7 @@ _MAINS_Hz = tuple(multiple * mains for mains in (50.0, 60.0) for multiple in (1,
 _SPLINE_DEGREE = 5
 _FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
-# First derivative by sixth-order differences: centred, and for the three samples nearest to an end.
+# Weights of sixth-order differences: ``_CENTRED`` for inner samples, ``_ENDS`` for the three at either end.
 _CENTRED = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60.0
 _ENDS = (
     np.array(
@@ -39,7 +39,7 @@ class Spectrum:
 
     step: float  # [s]
     frequency: FloatArray  # [Hz]
-    power: FloatArray  # [m^2], scaled so that the mean power of white noise is its variance.
+    power: FloatArray  # [m^2], scaled: the mean power of white noise is the noise's variance.
     noise: float  # standard deviation of the white noise [m]
 
     def cut_off(self) -> float:
@@ -53,7 +53,7 @@ class Spectrum:
         """
         square = self.frequency**2
         velocity_rms = 2 * np.pi * np.sqrt(np.mean(square * self.power))
-        # There is no filter if the noise of the velocity is below this fraction of the rms velocity.
+        # The displacement is not filtered if the noise of the velocity is below 0.1 % of the rms velocity.
         if self.noise * _GAIN_ON_WHITE_NOISE / self.step <= 1e-3 * velocity_rms:
             return 0.5 / self.step
         gain = self.power - 2 * self.noise**2
@@ -62,7 +62,6 @@ class Spectrum:
         best = int(np.argmax(np.cumsum(square * gain))) + 1
         velocity = square[:best] * self.power[:best]
         mean = float(np.sqrt(np.sum(square[:best] * velocity) / np.sum(velocity)))
-        # The cut-off is at least this multiple of the mean frequency of the motion.
         return max(float(self.frequency[best - 1]), 5.0 * mean)
 
 
@@ -78,11 +77,12 @@ class Kinematics:
 def measure_spectrum(displacement: FloatArray, step: float) -> Spectrum:
     """Return the sine spectrum of a displacement [m], and its noise.
 
-    The straight line between the ends is subtracted first, and the remainder is continued as an odd function.
-    Therefore a record that starts and ends at rest at different positions has no jump. The noise is the
-    median level of the upper quarter of the frequencies, because single spectral lines do not increase a
-    median. It is at least the rounding error if all displacements are multiples of a resolution. Up to 2 % of
-    the record are ignored at its end, because the transform of the shorter length is faster.
+    First, the straight line between the first and the last sample is subtracted, and the remainder is
+    continued as an odd function. Therefore a record that begins and ends at rest has no jump, even at
+    different positions. The noise is the median magnitude in the upper quarter of the frequencies, because
+    single spectral lines do not increase a median. If all displacements are multiples of a resolution, the
+    noise is at least the rounding error. Up to 2 % of the record are ignored at its end, because the
+    transform of the shorter length is faster.
     """
     from scipy.fft import (
         dst,
@@ -132,7 +132,7 @@ def smooth(displacement: FloatArray, step: float, cutoff_Hz: float) -> Kinematic
     basis = BSpline.design_matrix(position, knots, _SPLINE_DEGREE)
     count = basis.shape[1]
     fourth = diags_array(_FOURTH_DIFFERENCE, offsets=range(5), shape=(count - 4, count))
-    # The factor is the weight of the fourth differences of the spline coefficients in the fit.
+    # 1e-4 * spacing is the weight of the penalty on fourth differences of the coefficients.
     normal = basis.T @ basis + 1e-4 * spacing * (fourth.T @ fourth)
     bands = [np.pad(normal.diagonal(-k), (0, k)) for k in range(_SPLINE_DEGREE + 1)]
     coefficients = solveh_banded(bands, np.asarray(basis.T @ displacement), lower=True)
@@ -169,9 +169,9 @@ def _rounding(displacement: FloatArray) -> float:
     if resolution == 0.0:
         return 0.0
     steps = np.abs(np.diff(displacement)) / resolution
-    if steps.min() > 0.5 and steps.max() < 1.5:  # Equal steps are a constant speed, not a resolution.
+    if steps.min() > 0.5 and steps.max() < 1.5:  # A constant speed gives equal steps.
         return 0.0
-    for parts in (1, 2, 3):  # The smallest change can be a multiple of the resolution.
+    for parts in (1, 2, 3):  # The smallest change may be 1, 2 or 3 times the resolution.
         if np.max(np.abs(parts * steps - np.round(parts * steps))) < 0.01:
             return resolution / parts / float(np.sqrt(12.0))
     return 0.0

@@ -27,7 +27,7 @@ from mrdamper.files import require_file
 
 # A text may begin with the byte order mark of UTF-8.
 _LABVIEW = re.compile(rb"(?:\xef\xbb\xbf)?LabVIEW Measurement")
-_JSON = re.compile(rb"(?:\xef\xbb\xbf)?\s*(\{\s*[\"}]|\[\s*[\[{\"\d-])")  # "[Setup]" is not JSON.
+_JSON = re.compile(rb"(?:\xef\xbb\xbf)?\s*(\{\s*[\"}]|\[\s*[\[{\"\d-])")  # The title "[Setup]" is not JSON.
 _OCTAVE = re.compile(rb"# Created by Octave|# name: \w+\r?\n# type: ")
 
 # The first format that recognises the first bytes of a file reads it.
@@ -134,7 +134,7 @@ def decoding(path: Path, what: str) -> Iterator[None]:
     except MemoryError as error:
         raise InputError(place=path, found=_TOO_LARGE) from error
     except BaseException as error:
-        if isinstance(error.__context__, KeyboardInterrupt):  # The library replaced the interrupt.
+        if isinstance(error.__context__, KeyboardInterrupt):  # A library hides Ctrl-C.
             raise error.__context__ from None
         # A panic of Polars is not an Exception.
         if not isinstance(error, Exception) and type(error).__name__ != "PanicException":

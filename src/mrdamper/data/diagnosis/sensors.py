@@ -172,7 +172,6 @@ def _segments(flags: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _varying_channels(recording: Recording) -> Iterator[tuple[str, FloatArray]]:
-    """Generate the measured channels that are not constant."""
     for role, values in channels_of(recording).items():
         if role in _MEASURED and np.ptp(values) > 0.0:
             yield role, values

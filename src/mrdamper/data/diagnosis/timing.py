@@ -49,7 +49,7 @@ def find_phase_jumps(recording: Recording) -> Iterator[Finding]:
     usual = float(np.sqrt(np.mean(steps**2)))
     noise = DEVIATION_PER_MAD * float(np.median(np.abs(away)))
     far = np.abs(away) > max(SETTINGS.jump_slope_ratio_min * usual, SETTINGS.jump_noise_ratio_min * noise)
-    # A spike has two consecutive steps of opposite sign.
+    # A spike has two consecutive steps of opposite sign, a jump has one step. Spikes are excluded.
     back = np.abs(away[:-1] + away[1:]) < 0.5 * np.maximum(np.abs(away[:-1]), np.abs(away[1:]))
     far[:-1] &= ~back
     far[1:] &= ~back

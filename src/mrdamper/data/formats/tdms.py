@@ -81,7 +81,6 @@ def _stored_array(path: Path, channel: Any, outer: Mapping[str, object]) -> Stor
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """Open a file with npTDMS."""
     nptdms = load_extra("nptdms", "npTDMS", "TDMS files")
     with (
         path.open("rb") as stream,  # npTDMS would leave a damaged file open.

@@ -82,7 +82,6 @@ def _text(given: object) -> str:
 
 
 def _table(channels: Sequence[_Channel]) -> Table:
-    """Return the table of one recording."""
     columns = {channel.name: channel.values for channel in channels}
     table = Table(
         names=tuple(columns),

@@ -36,7 +36,7 @@ _EPOCHS = (
     ),
     *(("d", first, first + 47_481, 1 / DAY_S) for first in (25_569, 719_529)),  # days of Excel and of MATLAB
 )
-_STEP_MIN_S, _STEP_MAX_S = 5e-4, 0.05  # With a longer time step, the assumed unit may be too large.
+_STEP_MIN_S, _STEP_MAX_S = 5e-4, 0.05  # A longer time step may show that the assumed unit is too large.
 MEASURED = frozenset({"displacement", "force", "velocity"})
 """Roles that are not extrapolated. Values of other roles hold one step before and after their samples."""
 
@@ -202,8 +202,8 @@ def with_clocks(table: Table) -> Table:
 def stated_step(table: Table, chosen: ChannelMap, place: str) -> tuple[float | None, tuple[float, ...]]:
     """Return the sampling interval [s], and the sampling rates [Hz] in the words of the file.
 
-    The interval comes from the map, the file, or the rate in words. The interval is None if there is no rate,
-    or if the words state several rates.
+    The interval comes from the map, the file, or the rate in words. Without a rate, or if the words state
+    several rates, the interval is None.
     """
     if chosen.rate_Hz is not None or table.step_s is not None:
         return (table.step_s if chosen.rate_Hz is None else 1.0 / chosen.rate_Hz), ()

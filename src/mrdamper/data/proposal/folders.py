@@ -247,7 +247,6 @@ def _head(file: Path) -> bytes:
 
 
 def _text(file: Path) -> str:
-    """Return the beginning of a text."""
     try:
         with open_text_bytes(file) as stream:
             content = stream.read(HEAD_BYTES)

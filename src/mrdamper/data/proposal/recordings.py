@@ -183,7 +183,6 @@ def _is_other_kind(table: Table, tables: Sequence[Table]) -> bool:
 
 
 def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Place]) -> _Part:
-    """Return the pieces of one table."""
     place = file.name
     wide = () if "force" in chosen.channels else wide_columns(table)
     if wide:

@@ -165,7 +165,7 @@ def _column_of_map(
 
 
 def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
-    """Return the columns of ``found`` that match a role best. If several match, the user is asked."""
+    """Return the columns of ``found`` that match a role best. Several results lead to a question."""
     left = list(found)
     if role == "time" and len(left) > 1:
         left = [each for each in left if increases(table, each.name, always=True)] or left
