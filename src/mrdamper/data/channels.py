@@ -156,7 +156,7 @@ class _Document:
 
 @dataclass(frozen=True, slots=True)
 class ChannelMap:
-    """The settings of a channel map. Columns that the map does not state are found by their headers."""
+    """Settings of a channel map. Headers determine all columns that are not in it."""
 
     channels: Mapping[str, Channel] = field(default_factory=lambda: MappingProxyType({}))
     constant: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))  # role -> value in SI

@@ -72,7 +72,7 @@ def even_step(time: FloatArray) -> float | None:
 
 
 def _rounding(time: FloatArray, off: float) -> float:
-    """Return the power of ten [s] to which the times are rounded, or 0 if they are not rounded.
+    """Return the power of ten [s] to which times are rounded, 0 if not rounded.
 
     ``off`` [s] is the largest deviation of the times from a uniform grid. Smaller powers are not tried.
     """

@@ -37,7 +37,7 @@ class Finding:
     run: str = ""  # Name; "" if the finding concerns the whole campaign.
 
     def add_interval(self, error: float) -> Finding:
-        """Return the finding with an interval of its size: two standard errors ``error`` on each side."""
+        """Add the interval of the size: plus or minus two standard errors ``error``."""
         assert self.size is not None
         return replace(self, low=self.size - 2.0 * error, high=self.size + 2.0 * error)
 
@@ -70,10 +70,10 @@ class Inference:
 
 
 def by_kind(findings: Sequence[Finding]) -> list[tuple[Finding, int]]:
-    """Return (finding of the largest size, number of runs) by severity, kind and channel, worst first.
+    """Return (largest finding by size, number of runs) of each severity, kind and channel.
 
-    Runs that are copies of other runs are not counted. The number of runs is 0 if the finding concerns the
-    whole campaign.
+    The worst severity is first. Runs that are copies of other runs are not counted. The number of runs is 0
+    if the finding concerns the whole campaign.
     """
     copies = {finding.run for finding in findings if finding.kind == "duplicate"}
     groups: dict[tuple[str, str, str], list[Finding]] = {}

@@ -128,7 +128,7 @@ def is_frame(given: object) -> bool:
 
 
 def parts_of(given: Any) -> list[Any]:  # noqa: ANN401 - a path, run or frame, or a sequence of these
-    """Return the input as a list of paths, runs and named frames. The keys of a mapping are the names."""
+    """Return a list of paths, runs and frames. The keys of a mapping name its frames."""
     if isinstance(given, str | Path | RigRun):
         return [given]
     if isinstance(given, np.ndarray) and given.dtype.names is None:
@@ -152,7 +152,7 @@ def parts_of(given: Any) -> list[Any]:  # noqa: ANN401 - a path, run or frame, o
 
 
 def _columns_of(frame: Any) -> Mapping[str, Any]:  # noqa: ANN401 - of pandas, Polars, NumPy, or a mapping
-    """Return the columns of a frame by name. An index of pandas is a column if it has a name or has times."""
+    """Return the columns of a frame, and an index of pandas with a name or with times."""
     if isinstance(frame, Mapping):
         return {str(name): values for name, values in frame.items()}
     if isinstance(frame, np.ndarray):
@@ -173,7 +173,7 @@ def _columns_of(frame: Any) -> Mapping[str, Any]:  # noqa: ANN401 - of pandas, P
 
 
 def _name_of(name: object) -> str:
-    """Return the name of a column. A pandas header with the levels "Force" and "N" becomes "Force [N]"."""
+    """Return the name of a column. The pandas header (Force, N) becomes ``Force [N]``."""
     if not isinstance(name, tuple):
         return str(name)
     words = [str(word) for word in name if str(word)]

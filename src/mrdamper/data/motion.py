@@ -111,7 +111,7 @@ def _two_digits(value: float) -> str:
 
 
 def _round_number(value: float, tolerance: float = 0.025) -> str:
-    """Round a value to one digit or to two digits that end with 5 if within ``tolerance``, else to two."""
+    """Round to one digit, or two with a final 5, within ``tolerance``, else to any two."""
     decade = 10.0 ** np.floor(np.log10(value))
     for unit in (decade, 0.5 * decade):
         near = unit * round(value / unit)

@@ -121,7 +121,7 @@ def read_each(
     channels: ChannelMap | PathLike | None = None,
     answers: Sequence[Answer] = (),
 ) -> ReadFiles:
-    """Return the content of data frames, files, folders and glob patterns, with frames first.
+    """Return the content of data frames, then of files, folders and glob patterns.
 
     Folders and their subfolders are searched for files of the supported formats. A file that is given twice
     is read once. If runs have equal names, the names get the names of the folders as prefixes.

@@ -346,7 +346,7 @@ def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
 
 
 def find_time_faults(time: FloatArray) -> Iterator[Finding]:
-    """Generate a finding if times [s] do not increase or have gaps, or if the sampling rate changes."""
+    """Generate a finding on times [s] that do not increase, have gaps or two rates."""
     steps = np.diff(time)
     if not len(steps) or not np.isfinite(time).all():
         return

@@ -140,7 +140,7 @@ def _find_column(what: str, names: Sequence[str], place: str) -> str | None:
 
 
 def _unit_in(header: str, what: str) -> str | None:
-    """Return the unit in the header of a quantity, "" if missing, None for a header of other quantities."""
+    """Return the unit in a quantity's header ("" if missing), None for other headers."""
     for word in _QUANTITIES[what].words:
         spelled = word.replace(" ", r"[\s_]+")
         case = re.IGNORECASE if len(word) > 1 else re.NOFLAG

@@ -24,7 +24,7 @@ _NUMBER = r"(?<![\d.])(\d+(?:[.p,]\d+)?)\s*"
 
 @dataclass(frozen=True, slots=True)
 class _Declared:
-    """Quantity in the names of runs. ``form`` is the pattern of its unit, ``hint`` a cause of errors."""
+    """Quantity in names of runs: pattern ``form`` of its unit, typical error ``hint``."""
 
     unit: str
     form: str
@@ -46,7 +46,7 @@ _DECLARED: Mapping[str, _Declared] = {
 
 @dataclass(frozen=True, slots=True)
 class _Sibling:
-    """Quantity that is equal in runs of the same motion, and limits for the finding on a run that differs."""
+    """Quantity that is equal in runs of the same motion, and limits for a finding."""
 
     kind: str
     suspect: str
@@ -168,7 +168,7 @@ def _values_of(run: Recording) -> dict[str, float]:
 
 
 def _frequency(run: Recording) -> float | None:
-    """Return the frequency of a motion [Hz] from its zero crossings, None if its periods are not equal."""
+    """Return the frequency [Hz] by zero crossings, None if the periods are not equal."""
     low, high = np.quantile(run.displacement, (0.02, 0.98))
     x = run.displacement - 0.5 * (low + high)
     swing = 0.25 * float(high - low)

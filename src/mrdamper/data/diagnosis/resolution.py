@@ -39,7 +39,7 @@ def find_few_samples(prepared: PreparedRun) -> Iterator[Finding]:
 
 
 def find_noise(prepared: PreparedRun) -> Iterator[Finding]:
-    """Generate findings on the noise of the force, and on its deviation from the mean cycle.
+    """Generate findings on the force: its noise and deviation from the mean cycle.
 
     Noise and deviation are compared with the standard deviation of the force.
     """

@@ -60,7 +60,7 @@ def find_clipping(recording: Recording) -> Iterator[Finding]:
 
 
 def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
-    """Generate findings on stuck sensors: force or displacement is constant while the other one changes."""
+    """Generate findings on a constant force or displacement while the other changes."""
     x, force = recording.displacement, recording.force
     for role, values, other in (("force", force, x), ("displacement", x, force)):
         segments = sorted(_segments(np.append(np.diff(values) == 0.0, False)), key=lambda s: s[0] - s[1])
@@ -94,7 +94,7 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
 
 
 def _coarse_step(values: FloatArray) -> float:
-    """Return the resolution of a channel, or 0 if it is fine relative to the channel's standard deviation."""
+    """Return a channel's resolution, 0 if it is fine relative to the standard deviation."""
     resolution = resolution_of(values)
     return resolution if resolution / STEP_RATIO > SETTINGS.coarse_note_ratio * float(np.std(values)) else 0.0
 

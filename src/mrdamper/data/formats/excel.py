@@ -1,4 +1,4 @@
-"""Read tables from Excel workbooks (.xlsx, .xlsm): from the named sheet, or the first with rows of numbers.
+"""Read tables from the sheets of Excel workbooks (.xlsx, .xlsm).
 
 A workbook is a zip archive. The unpacked content can be larger than the memory. Therefore the unpacked size
 and the number of cells are checked before the workbook is read.
@@ -75,7 +75,7 @@ def _cells(lines: Sequence[str]) -> set[str]:
 
 
 def sheet_lines(path: Path) -> list[str]:
-    """Return the rows of all sheets of an Excel or OpenDocument file, cells separated by tabs."""
+    """Return all rows of an Excel or OpenDocument file, with tabs between the cells."""
     if path.suffix.lower() == ".ods":
         return _open_document_lines(path)
     book = _open(path)

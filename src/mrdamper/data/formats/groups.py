@@ -1,4 +1,4 @@
-"""Tables of the arrays in a file with groups or structures: column names, recordings, attributes, clocks."""
+"""Tables of the arrays in files with groups or structures."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class StoredArray:
 
     @property
     def is_setting(self) -> bool:
-        """Return True if the array is a single start time, time step or sampling rate in a structure."""
+        """Return True for a single start time, time step or sampling rate in a structure."""
         return self.size == 1 and len(self.path) > 1 and is_setting_of_time(self.name)
 
     @property
@@ -89,7 +89,7 @@ def table_of_arrays(
 
 
 def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
-    """Return the table with a clock for each column: a time column, or a start and a time step.
+    """Add a clock to each column: a time column, or a start and a time step.
 
     If the file has several time columns, a column uses the time column in the nearest enclosing group.
     Otherwise the attributes state the start and the time step of a column.
@@ -126,7 +126,7 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
 
 
 def rename_by_structures(arrays: Iterable[StoredArray]) -> list[StoredArray]:
-    """Return the arrays, with the name of the structure for samples that have only a general name.
+    """Rename samples with a general name, such as ``Data``, after their structure.
 
     A structure ``force`` with the arrays ``Time`` and ``Data`` is the channel ``force`` with its times. Such
     times are in seconds, as in MATLAB's time series.
@@ -181,7 +181,7 @@ def recordings_in(paths: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
 
 
 def with_values_of_runs(arrays: Sequence[StoredArray]) -> list[StoredArray]:
-    """Return the arrays of all runs; ``settings`` of an array also have the values that apply to its run.
+    """Add the values that apply to a run to the ``settings`` of the run's arrays.
 
     A file may have the runs ``run1`` to ``run4`` and an array ``current_A = [0 0.5 1 1.5]`` with one value
     for each run. The values are in the order of the run numbers.
@@ -206,7 +206,7 @@ def with_values_of_runs(arrays: Sequence[StoredArray]) -> list[StoredArray]:
 
 
 def is_in_part(path: Sequence[str], part: str) -> bool:
-    """Return True if a channel is in the group ``part``: the name or the path of a group, or "" for all."""
+    """Return True if a channel is in the group with the name or path ``part``."""
     groups = path[:-1]
     return not part or part in groups or any("/".join(groups[:k]) == part for k in range(len(path)))
 

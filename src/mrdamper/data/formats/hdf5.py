@@ -57,7 +57,7 @@ class _DataSet:
 
 
 class _Tree:
-    """Converter of groups to values by name. References in MATLAB's structures and cells are followed."""
+    """Converter of groups to values by name, which follows MATLAB's references."""
 
     def __init__(self, h5py: Any, file: Any, path: Path, matlab: bool) -> None:  # noqa: ANN401, FBT001 - no types
         self._h5py, self._file, self._path, self._matlab = h5py, file, path, matlab

@@ -68,7 +68,7 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
 
 
 def _stored_array(path: Path, channel: Any, outer: Mapping[str, object]) -> StoredArray:  # noqa: ANN401
-    """Return a channel of npTDMS as an array. ``outer`` are the properties of the file and the group."""
+    """Return a channel as an array. ``outer`` are the properties of file and group."""
     named = next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "")
     return StoredArray(
         (channel.group_name, channel.name),

@@ -177,7 +177,7 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
 
 
 def _is_restated(line: str, own: Sequence[str]) -> bool:
-    """Return True if ``line``, about the file, states a quantity that a block states again in ``own``."""
+    """Return True if a block states a quantity of ``line`` again in its lines ``own``."""
     return any(labels_in(line, role) and labels_in(each, role) for role in CONDITIONS for each in own)
 
 
@@ -222,10 +222,10 @@ def _transposed(path: TextSource, head: Head, options: FileOptions) -> Table | N
 
 
 def _without_notes_beside(path: TextSource, head: Head, options: FileOptions) -> Table | None:
-    """Return the table of a text with entries (label, value) in columns next to the samples, else None.
+    """Return the table of a text with columns of notes next to the samples, else None.
 
-    The columns of the entries are to the left of the samples, or to the right behind an empty column. The
-    rows in the second half of the searched lines have no entries.
+    Notes are entries (label, value). Their columns are to the left of the samples, or to the right behind an
+    empty column. The rows in the second half of the searched lines have no entries.
     """
     delimiter = options.delimiter or max(
         DELIMITERS[:-1], key=lambda sign: sum(sign in line for line in head.lines)

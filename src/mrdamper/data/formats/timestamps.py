@@ -201,7 +201,7 @@ class Timestamps:
 
 
 def _reading_of(dates: Iterable[str]) -> int | None:
-    """Return the valid reading of dates (0: day first, 1: month first), None if two readings are valid."""
+    """Return how to read dates (0: day first, 1: month first), None if it is unclear."""
     days = [days_of(text) for text in dates]
     if not days:
         return None

@@ -39,7 +39,7 @@ _NO_SETTINGS: Mapping[str, object] = MappingProxyType({})
 def table_of_variables(
     variables: Mapping[str, Any], path: Path, options: FileOptions, kind: str, skipped: Sequence[str] = ()
 ) -> Table:
-    """Return the table of a file's variables. Each array, at any depth of structures and lists, is a column.
+    """Return the table of all arrays in the variables of a file, at any depth.
 
     ``settings`` of a structure or an array, if present, are its attributes.
     """
@@ -114,7 +114,7 @@ class _Variables:
         self.texts |= {(*path, name): text for name, text in texts.items()}
 
     def _names_of_columns(self, path: tuple[str, ...], matrix: Any, across: int) -> list[tuple[str, ...]]:  # noqa: ANN401
-        """Return the names of the columns of a matrix, each as the last parts of the path of the column.
+        """Return the last parts of the path of each column of a matrix.
 
         The names come from a list of words, in this order of priority: a list in the attributes of the
         matrix, a list whose name begins with the same word, a list with a name such as "names".

@@ -73,7 +73,7 @@ def join_channel_files(
 
 
 def _runs_of(channels: Sequence[_ChannelFile]) -> dict[str, list[_ChannelFile]]:
-    """Return the files of each run in a folder. The files of a run have a common part in their names.
+    """Return the files of each run in a folder, by a common part of the file names.
 
     The common part is the name without the channel word, or the beginning or the end of the name. It is "" if
     all files belong to one run. The part that assigns most files to runs is chosen.

@@ -172,7 +172,7 @@ def _findings_of_common_time(
 
 
 def with_clocks(table: Table) -> Table:
-    """Return the table of a text with a clock for each column: the nearest time column to the left.
+    """Assign the nearest time column to the left to each column of a text's table.
 
     If all time columns are equal, only the first is kept.
     """
@@ -200,7 +200,7 @@ def with_clocks(table: Table) -> Table:
 
 
 def stated_step(table: Table, chosen: ChannelMap, place: str) -> tuple[float | None, tuple[float, ...]]:
-    """Return the sampling interval [s], and the sampling rates [Hz] in the words of the file.
+    """Return the sampling interval [s], and the sampling rates [Hz] stated in words.
 
     The interval comes from the map, the file, or the rate in words. Without a rate, or if the words state
     several rates, the interval is None.

@@ -45,7 +45,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """Parsed header of a column: a word and a unit. ``of_unit`` are the roles that have this unit."""
+    """Word and unit of a column's header. ``of_unit`` are the roles with this unit."""
 
     name: str
     word: str
@@ -94,7 +94,7 @@ def headers_of(table: Table, place: str) -> list[Header]:
 
 
 def explained(table: Table, notes: Sequence[str]) -> Table:
-    """Add what the lines of a document state to a table: names, units, scales and the sampling rate.
+    """Add names, units, scales and sampling rate from a document's lines to a table.
 
     Only missing names and units are added. Names come from numbered entries (``2: force [N]``), if there is
     an entry for each column.

@@ -30,7 +30,7 @@ COMMAND_UNITS: dict[str, CommandUnit] = dict(zip(("current", "voltage"), get_arg
 
 
 def command_role(columns: Iterable[Column], chosen: ChannelMap, place: str) -> str:
-    """Return the role of the command, "current" or "voltage"; "" if there is no command.
+    """Return the role of the command: "current", "voltage", or "" if missing.
 
     A constant in the channel map has priority over a column.
     """
@@ -57,7 +57,7 @@ def command_of(
     texts: Sequence[Place],
     place: str,
 ) -> tuple[str, FloatArray, tuple[tuple[str, float, str], ...]]:
-    """Return the role and the values of the command. If words state it, also (role, value, source).
+    """Return the command: role, values, and (role, value, source) if words state it.
 
     The sources in order of priority are: ``held`` (the map's command for a section of the file), the
     measured column, the constant of the map, and the nearest text with a command.

@@ -50,7 +50,7 @@ _ENTRY = re.compile(r"\s*[-*]?\s*([^\s:=][^:=]*?)\s*[:=]\s*([^\s:=][^:=]*?)\s*")
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """Document next to the runs. ``lines`` are the lines that state conditions of each file."""
+    """Document next to the runs, with the lines that state conditions of each file."""
 
     path: Path
     lines: Mapping[Path, tuple[str, ...]]
@@ -58,7 +58,7 @@ class Document:
     owners: tuple[Path, ...] = ()  # The files of the only described run, () if any run may be described.
 
     def places(self, file: Path) -> tuple[Place, ...]:
-        """Return the lines of the document about a file, each with the document as its source."""
+        """Return the lines about a file, each with the document as its source."""
         return tuple(Place(f"document {self.path.name!r}", line) for line in self.lines.get(file, ()))
 
     def notes(self, file: Path) -> tuple[str, ...]:
@@ -117,7 +117,7 @@ class _Files:
         return self.names.get(re.split(r"[\\/]", cell)[-1].strip(" `*\"'").lower(), ())
 
     def in_row(self, cells: Sequence[str]) -> list[tuple[Path, ...]]:
-        """Return the files that each cell of a row names, [] unless the cells name different runs."""
+        """Return the files that each cell names, [] unless the cells name different runs."""
         found = [self.in_cell(cell) for cell in cells]
         if not any(found) and _NUMBER_WORDS.search(cells[0]) and all(map(_WHOLE.fullmatch, cells[1:])):
             found = [(), *(self.numbers.get(int(float(cell)), ()) for cell in cells[1:])]
@@ -207,7 +207,7 @@ def _owners(
 
 
 def with_lists(tables: Sequence[Table], notes: Sequence[str]) -> list[Table]:
-    """Return the tables of a file, each with the lines about its title in a list of runs.
+    """Return the tables, each with the lines on its title from a list of runs.
 
     The list of runs is on a different sheet or in a document.
     """

@@ -124,7 +124,7 @@ def _is_archive(file: Path) -> bool:
 
 
 def own_name(file: Path) -> str:
-    """Return the name of a file without its suffix. The number in "test.001" is not a suffix."""
+    """Return the name of a file without suffix. In "test.001", 001 is not a suffix."""
     return file.name if file.suffix[1:].isdecimal() else file.stem
 
 
@@ -195,7 +195,7 @@ def format_suffixes() -> set[str]:
 
 
 def _files_below(folder: Path, depth: int = SETTINGS.folder_depth_max) -> Iterator[Path]:
-    """Generate the files that may contain runs: files in the folder, then files in its subfolders."""
+    """Generate files that may contain runs: in the folder, then in its subfolders."""
     entries = sorted(each for each in folder.iterdir() if not each.name.startswith((".", "~$")))
     for file in entries:
         if file.is_file() and file.name not in _RESULTS and _may_hold_runs(file):

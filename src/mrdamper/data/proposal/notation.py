@@ -60,7 +60,7 @@ def _tree_of_object(value: object) -> Node | str:
 
 
 def _object_of_element(element: ElementTree.Element) -> object:
-    """Return an XML element as a mapping of its attributes and children. Its text has the key ``value``."""
+    """Convert an XML element to a mapping. The text of the element has the key ``value``."""
     groups: dict[str, list[object]] = {}
     for child in element:
         groups.setdefault(child.tag.rpartition("}")[2], []).append(_object_of_element(child))
@@ -134,7 +134,7 @@ def _child(node: Node, key: str | int) -> Node:
 
 
 def _key(name: str, value: Node | str, remark: str) -> str:
-    """Return the name of an entry, with the unit in the remark if the values are numbers."""
+    """Return the name of an entry, with the unit of numbers from the remark."""
     name = name.strip("'\"")
     cells = [value] if isinstance(value, str) else [*value.values()]
     unit = next((unit for unit in (re.split(r"[,;(]", remark)[0].strip(" []"), word_and_unit(remark)[1])
@@ -170,7 +170,7 @@ def _bracket(tokens: Iterator[str]) -> Node:
 
 
 def _lines(tree: Node | str, path: tuple[str, ...] = (), *, is_script: bool = False) -> Iterator[str]:
-    """Generate the lines of a mapping. An entry begins with the keys of all enclosing mappings."""
+    """Generate a line for each entry. The line begins with all enclosing keys."""
     blanks = " " * len(path)
     for key, inner in _items(tree, is_script=is_script) if isinstance(tree, dict) else ():
         own = key if isinstance(key, str) else ""
@@ -200,7 +200,7 @@ def _lines(tree: Node | str, path: tuple[str, ...] = (), *, is_script: bool = Fa
 
 
 def _items(tree: Node, *, is_script: bool) -> Iterator[tuple[str | int, Node | str]]:
-    """Generate the items of a mapping. Lists of equal length are converted to rows of one table."""
+    """Generate the items of a mapping. Lists of equal length become rows of one table."""
     lists: dict[int, dict[str | int, Node | str]] = {}
     for key, inner in tree.items():
         cells = [cell for cell in inner.values() if isinstance(cell, str)] if isinstance(inner, dict) else []
@@ -221,6 +221,6 @@ def _items(tree: Node, *, is_script: bool) -> Iterator[tuple[str | int, Node | s
 
 
 def _text(node: Node, keys: tuple[str, ...]) -> str:
-    """Return the first text that has one of the keys, in upper or lower case; "" if no key has a text."""
+    """Return the first text with one of the keys (upper or lower case), else ""."""
     return next((value for wanted in keys for key, value in node.items()
                  if isinstance(value, str) and f"{key}".lower() == wanted), "")  # fmt: skip

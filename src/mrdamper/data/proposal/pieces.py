@@ -42,7 +42,7 @@ class Piece:
 
 
 def run_edges(time: FloatArray, texts: Mapping[str, Texts]) -> tuple[list[int], dict[int, str]]:
-    """Return the limits of the runs in a table, and the title of each run by its first row.
+    """Return the limits of runs in a table, and the title of each run by first row.
 
     The limits are the first row of each run, followed by the number of rows. ``time`` are the times of the
     rows [s]. A title is a cell in a column of words.
@@ -97,7 +97,7 @@ def _continues(before: Piece, after: Piece) -> bool:
 
 
 def filled(piece: Piece) -> Piece:
-    """Interpolate missing numbers: at most 1 % of a channel, and neither the first nor the last number.
+    """Interpolate missing numbers inside a channel, up to 1 % of its samples.
 
     A temperature or command that was recorded at a lower, regular rate is interpolated without this limit.
     """
@@ -145,7 +145,7 @@ def filled(piece: Piece) -> Piece:
 
 
 def without_repeated_end(piece: Piece) -> Piece:
-    """Remove the last samples of a piece if they repeat the time and all values of an earlier sample."""
+    """Remove last samples that repeat the time and all values of an earlier sample."""
     columns = [piece.time, *piece.channels.values()]
     if len({*map(len, columns)}) > 1:  # A damaged file is reported later.
         return piece
@@ -168,7 +168,7 @@ def without_repeated_end(piece: Piece) -> Piece:
 
 
 def evened(piece: Piece) -> Piece:
-    """Replace repeated time stamps of a piece by uniform times if the uniform times agree with each stamp.
+    """Replace repeated time stamps by uniform times that agree with each stamp.
 
     Example: at 200 Hz and a resolution of 10 ms, each stamp occurs twice. If a uniform time differs from a
     stamp by more than twice the resolution, samples were lost, and nothing is changed.
@@ -206,7 +206,7 @@ def evened(piece: Piece) -> Piece:
 
 
 def _is_slow(missing: BoolArray) -> bool:
-    """Return True if a channel has a number in every n-th row, to within one row, from first to last."""
+    """Return True if a channel has a number in about every n-th row."""
     there = np.flatnonzero(~missing)
     if len(there) < 2:
         return len(there) == 1 and there[0] == 0 and len(missing) > 1  # A constant has only one number.
@@ -251,7 +251,7 @@ def cut_at_gaps(piece: Piece) -> Iterator[Piece]:
 
 
 def integrated(piece: Piece) -> Piece:
-    """Return a piece with the displacement integrated from the velocity, without drift and centred."""
+    """Integrate the velocity to a displacement, which is centred and has no drift."""
     velocity, time = piece.channels["velocity"], piece.time
     with np.errstate(all="ignore"):  # Invalid numbers are reported later.
         path = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time))])

@@ -56,7 +56,7 @@ class AskingError(InputError):
 
     @property
     def questions(self) -> tuple[Question, ...]:
-        """Return the questions of this error and of the errors in ``faults``, each with its file."""
+        """Return the questions of the error and of all ``faults``, each with its file."""
         inner = (each for fault in self.faults if isinstance(fault, AskingError) for each in fault.questions)
         return (*(replace(question, file=self.place) for question in self._questions), *inner)
 

@@ -76,7 +76,7 @@ class RigFile:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
-    """Result of one table: pieces (ranges of rows that become runs), columns, and role of the command."""
+    """Result of one table. ``pieces`` are the ranges of rows that become runs."""
 
     pieces: tuple[Piece, ...]
     columns: tuple[Column, ...]
@@ -145,7 +145,7 @@ def runs_in(
 
 
 def _segment_map(chosen: ChannelMap, table: Table, number: int, count: int) -> ChannelMap:
-    """Return the channel map for one table. If each segment of the map is a table, its command is added."""
+    """Return the map for a table, with its command if each segment is one table."""
     segments = chosen.segments
     if segments is None or count != len(segments.commands):
         return chosen
@@ -251,7 +251,7 @@ def _wide_part(
 def _channels(
     table: Table, columns: Sequence[Column], chosen: ChannelMap, place: str
 ) -> tuple[dict[str, FloatArray], FloatArray, OneClock]:
-    """Return the channels of a table by role [SI], the time [s], and the result of the interpolation."""
+    """Return channels by role [SI], time [s], and columns interpolated to one clock."""
     names = {column.role: column.name for column in columns if column.role != "time"}
     one = to_one_clock(table, names, chosen, place)
     raw = dict(one.columns)
@@ -315,7 +315,7 @@ def _recording(piece: Piece, name: str, unit: CommandUnit, session: str, file: P
 
 
 def _names(pieces: Sequence[tuple[Piece, str]], chosen: ChannelMap, stem: str) -> list[str]:
-    """Return the names of runs: the file name, then the command, title or number if a file has several."""
+    """Return the names of runs: the file name, and command, title or number if needed."""
     if len(pieces) == 1 and chosen.segments is None:
         return [stem]
     titles = [piece.title for piece, _ in pieces]

@@ -129,7 +129,7 @@ def no_command(
 
 
 def varying_commands(table: Table, place: str) -> list[str]:
-    """Return the names of columns that may be a current, by name or unit, and do not stay constant."""
+    """Return the columns that may be a current, by name or unit, and change."""
     headers = [header_of(table, name, place) for name in table.columns if name not in table.stamps]
     return [
         each.name

@@ -84,7 +84,7 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
 
 
 def _unclear_factor(column: Column, factor: float, place: str) -> InputError:
-    """Return the error for a column to which the factor above the table may or may not be applied."""
+    """Return the error for a column that may or may not include a stated factor."""
     unit = column.unit or QUANTITIES[column.role].unit
     applied, raw = f"1 {unit}", f"{factor:g} {unit}"
     return ask(
@@ -165,7 +165,7 @@ def _column_of_map(
 
 
 def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
-    """Return the columns of ``found`` that match a role best. Several results lead to a question."""
+    """Return the columns that match a role best. Several columns lead to a question."""
     left = list(found)
     if role == "time" and len(left) > 1:
         left = [each for each in left if increases(table, each.name, always=True)] or left
@@ -280,7 +280,7 @@ def skipped_columns(table: Table, columns: Sequence[Column], chosen: ChannelMap,
 
 
 def scaled_column(role: str, table: Table, headers: Sequence[Header]) -> Column | None:
-    """Return the column of a role whose header, or a line above the table, states its scale.
+    """Return the column of a role with a scale in its header or above the table.
 
     A scale is a quantity per volt or per cent. Return None unless there is exactly one column and one scale.
     """

@@ -123,7 +123,7 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
 
 
 def _means(name: str, role: str) -> bool:
-    """Return True if the name of a channel contains a role, such as ``Force`` or ``rod_force``."""
+    """Return True if a name contains a role, such as ``Force`` or ``rod_force``."""
     header = parse_header(name)
     return header[0] == role if header else speaks_of(name, role)
 
@@ -134,7 +134,7 @@ def is_counter(values: FloatArray) -> bool:
 
 
 def _split_name(name: str) -> tuple[str, str]:
-    """Split the header of a column, such as ``0.5 A: force (2)``, into ``0.5 A`` and ``force``."""
+    """Split a header such as ``0.5 A: force (2)`` into ``0.5 A`` and ``force``."""
     above, colon, own = name.rpartition(": ")
     return above if colon else "", _COUNTED.sub("", own)
 

@@ -131,7 +131,7 @@ def _read_log(path: Path, chosen: ChannelMap) -> _Log | None:
 
 
 def _times(table: Table, headers: Sequence[Header], chosen: ChannelMap, place: str) -> FloatArray:
-    """Return the times of a log [s]; NaN if the log states neither times nor a time step."""
+    """Return the times of a log [s], NaN without times and without a time step."""
     stamps = sorted(table.stamps, key=lambda name: not table.stamps[name].has_date)
     if stamps:
         return table.columns[stamps[0]]

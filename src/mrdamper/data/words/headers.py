@@ -98,7 +98,7 @@ def word_and_unit(header: str) -> tuple[str, str]:
 
 @lru_cache(maxsize=10_000)  # Documents of a folder are parsed for each of its files.
 def legend_in(line: str) -> list[tuple[int | None, str, str]]:
-    """Return (number or None, word, unit) of each column that a sentence or a row explains.
+    """Return (number or None, word, unit) of the columns that a line explains.
 
     Examples: ``Columns: disp in mm, force in kN``, ``2: force [N]``, and the row ``force | kN``.
     """
@@ -131,7 +131,7 @@ def _means(word: str, roles: Sequence[str]) -> bool:
 
 
 def speaks_of(word: str, role: str) -> bool:
-    """Return True if the word of a header contains a name of a role, also in a longer word: ``rodforce``."""
+    """Return True if a word contains a name of a role, such as ``rodforce``."""
     plain = _split_words(word)
     tokens = plain.split()
     for known in QUANTITIES[role].headers:
@@ -161,7 +161,7 @@ def has_word(header: str, kind: Kind) -> bool:
 
 
 def says_command(word: str) -> bool:
-    """Return True if the header of a column in volts names a command, and not a sensor output."""
+    """Return True if a header in volts names a command, and not a sensor output."""
     return _COMMAND.search(_split_words(word)) is not None and not has_word(word, "sensor output")
 
 
@@ -173,7 +173,7 @@ def is_command_share(name: str, unit: str) -> bool:
 
 
 def is_per_cent(text: str) -> bool:
-    """Return True if a header or a line states the unit per cent, or if a unit is per cent."""
+    """Return True if a header, a line or a unit ends with per cent."""
     return _PER_CENT.search(text) is not None
 
 
@@ -249,7 +249,7 @@ def unit_in_brackets(header: str) -> str:
 
 
 def candidates(role: str, headers: Sequence[str]) -> list[str]:
-    """Return the headers with the name or the symbol of a role, else the headers with a unit of the role."""
+    """Return the headers with a role's name or symbol, else those with its unit."""
     quantity = QUANTITIES[role]
     words = [word for word in quantity.headers if len(word) > (2 if word.isascii() else 1)]
     named = [

@@ -147,7 +147,7 @@ def find_label(places: Sequence[Place], role: str) -> Label | None:
 
 
 def places_of(title: str, said: Iterable[str], path: Path) -> tuple[Place, ...]:
-    """Return the texts that may describe a table: title, lines above it, file name, names of two folders."""
+    """Return the texts about a table: title, lines above it, file and folder names."""
     found = [Place("title", title)] if title else []
     found += [Place("header", line) for line in said]
     # The text after the point in "run1_0.5A" is not the suffix of a file.

@@ -63,7 +63,7 @@ def _signs_of_line(line: str) -> list[tuple[str, int]]:
 
 
 def _clauses_of(line: str) -> list[str]:
-    """Return the clauses of a line. A role that follows a direction begins the next clause."""
+    """Return the clauses of a line. A role after a direction begins a new clause."""
     clauses = [""]
     for part in _CLAUSES.split(line):
         clauses.append("")

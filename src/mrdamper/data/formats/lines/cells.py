@@ -85,7 +85,7 @@ class Cells:
         return Cells(texts, [None] * len(texts), self._lines)
 
     def as_times(self, reader: Timestamps) -> Cells:
-        """Return the cells converted to seconds. A cell that is neither a time of day nor a date is NaN."""
+        """Convert the cells to seconds, NaN for a cell that is no time of day or date."""
         seconds = reader.seconds(self.texts).tolist()
         return Cells(self.texts, [None if math.isnan(each) else each for each in seconds], self._lines)
 

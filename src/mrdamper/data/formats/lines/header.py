@@ -74,7 +74,7 @@ def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
 
 
 def _are_decimals(lines: Sequence[str], first: int) -> bool:
-    """Return True if a comma is the decimal sign in lines such as ``-0,05`` and ``1,20``, not a delimiter.
+    """Return True if commas in lines such as ``1,20`` are decimal signs, not delimiters.
 
     The header then describes one column, or there are cells ``-0`` or ``05``, which are no whole numbers.
     False if the parts before the comma increase by equal steps: these parts are times or indices.
@@ -102,7 +102,7 @@ def holds_samples(lines: Sequence[str], delimiter: str) -> bool:
 
 
 def _first_row(lines: Sequence[str], delimiter: str, wanted: int) -> int | None:
-    """Return the index of the first row of numbers that begins ``wanted`` consecutive rows, else None.
+    """Return the index of the first of ``wanted`` consecutive rows of numbers, or None.
 
     A single row is enough at the end of a text. Two rows belong to different tables if a cell is a number in
     one row and a word in the other row.
@@ -229,7 +229,7 @@ def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
 
 
 def _cells_above(line: str, delimiter: str, count: int) -> list[str]:
-    """Return the cells of a line above a table of ``count`` columns, without empty cells at the end."""
+    """Return the cells of a line above a table, without empty cells at the end."""
     cells = _PAIR.split(line.strip(), maxsplit=1) if count == 1 else split_line(line, delimiter)
     last = max((k + 1 for k, cell in enumerate(cells) if cell), default=0)
     return cells[:last]
@@ -238,7 +238,7 @@ def _cells_above(line: str, delimiter: str, count: int) -> list[str]:
 def _apply_legend(
     names: tuple[str, ...], said: Sequence[str], rows: Sequence[Sequence[str]] = ()
 ) -> tuple[str, ...]:
-    """Return the names of columns, replaced by their explanations in a legend above the table.
+    """Replace names of columns by their explanations in a legend above the table.
 
     A legend has entries (``CH1: force, N``), or a row for each channel (``CH1;force;5 V;N``). If the legend
     explains less than half of the columns, only names without a meaning, such as CH1, are replaced.
@@ -267,7 +267,7 @@ def _key(name: str) -> str:
 
 
 def _header_fields(line: str, delimiter: str, count: int, filled: int) -> list[str] | None:
-    """Return the fields of a line if the line has as many fields as the table has columns, else None."""
+    """Return the fields of a line if there is a field for each column, else None."""
     bare = _COMMENT.sub("", line)
     fields = split_line(bare, delimiter)
     if is_comment(line) and len(fields) != count:
@@ -350,7 +350,7 @@ def _are_units(words: Sequence[str]) -> bool:
 
 
 def _is_of_units(fields: Sequence[str], numbers: int) -> bool:
-    """Return True if a row lists units before numbers, such as ``Sequence,mm,N,0.0,0.005``: no samples."""
+    """Return True if a row has units before numbers, such as ``Sequence,mm,N,0.0,0.5``."""
     if numbers == len(fields):
         return False
     words = [text for text in fields if text and not count_numbers([text])]
