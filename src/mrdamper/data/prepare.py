@@ -39,7 +39,7 @@ class Preparation:
     cutoff_Hz: Positive | None = None  # Smoothing of displacement; math.inf: no smoothing.
     dead_band_m: NotNegative | None = None  # Smaller reversals are noise.
     reference: Reference = "start"  # Choice of the zero of displacement.
-    velocity: VelocitySource = "displacement"  # Source: derivative or measured channel.
+    velocity: VelocitySource = "displacement"  # Derivative of displacement, or the velocity channel.
     from_s: float | None = None  # First time [s] in the file's clock.
     to_s: float | None = None  # Last time [s].
     force_offset_N: float = 0.0  # Known tare, subtracted from the force.

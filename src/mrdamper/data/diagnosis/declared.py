@@ -52,7 +52,7 @@ class _Sibling:
     suspect: str
     ratio_max: float  # max relative difference of runs with the same motion
     deviation_min: float  # min relative difference of a reported run from the other runs
-    scatter_max: float  # max relative difference among the other runs
+    scatter_max: float  # max relative difference among the other runs; else no finding
 
 
 _SIBLINGS: Mapping[str, _Sibling] = {
@@ -148,7 +148,7 @@ def _number_in_names(run: Recording, quantity: str) -> float | None:
 
 def _agrees(quantity: str, declared: float, found: float) -> bool:
     allowed = max(_DECLARED[quantity].relative_tolerance * declared, _DECLARED[quantity].tolerance)
-    meant = (1.0, 2.0) if quantity == "stroke" else (1.0,)  # stroke, or amplitude in the name
+    meant = (1.0, 2.0) if quantity == "stroke" else (1.0,)  # The name may state an amplitude.
     return any(abs(found - times * declared) <= times * allowed for times in meant)
 
 

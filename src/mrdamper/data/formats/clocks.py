@@ -198,4 +198,5 @@ def _moment(value: object, unit: str) -> Moment | None:
     moment = moment_of(f"{as_text(value)}")
     if moment is None or moment.day_first_s == LABVIEW_EPOCH_s:
         return None
-    return replace(moment, is_utc=moment.is_utc or isinstance(value, np.datetime64))  # npTDMS: UTC
+    # npTDMS gives times as datetime64 in UTC.
+    return replace(moment, is_utc=moment.is_utc or isinstance(value, np.datetime64))

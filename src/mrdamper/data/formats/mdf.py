@@ -108,7 +108,7 @@ def _samples(file: Any, group: int, channel: int) -> FloatArray:  # noqa: ANN401
     """Return the samples of a channel, NaN if the file marks a sample as invalid."""
     if channel == _CLOCK_INDEX:
         return as_column(np.asarray(file.get_master(group)))[0]
-    every = {"samples_only": True, "ignore_invalidation_bits": True}  # else asammdf omits samples
+    every = {"samples_only": True, "ignore_invalidation_bits": True}  # Invalid samples are kept.
     read, invalid = file.get(group=group, index=channel, **every)
     values = as_column(np.asarray(read))[0]
     if invalid is not None:

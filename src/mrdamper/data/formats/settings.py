@@ -25,7 +25,7 @@ class ReadingSettings:
     element_count_max: int = 4096  # elements of a list or struct array in which signals are searched
     empty_record_columns_min: int = 3  # A single line with this many names is a header without samples.
 
-    # Size of the texts that are stored from a file
+    # Limits for the texts that are read from a file
     attribute_lines_max: int = 64
     attribute_length_max: int = 200
     listed_names_max: int = 8  # max number of names in one remark

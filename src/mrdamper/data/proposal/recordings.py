@@ -145,7 +145,7 @@ def runs_in(
 
 
 def _segment_map(chosen: ChannelMap, table: Table, number: int, count: int) -> ChannelMap:
-    """Return the map for a table, with its command if each segment is one table."""
+    """Return the map for a table, with the table's command if each segment is one table."""
     segments = chosen.segments
     if segments is None or count != len(segments.commands):
         return chosen

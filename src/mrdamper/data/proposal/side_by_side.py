@@ -141,7 +141,7 @@ def _split_name(name: str) -> tuple[str, str]:
 
 def _width(names: Sequence[str]) -> int | None:
     """Return the number of columns of each run, None if the table has a single run."""
-    for width in range(3, len(names) // 2 + 1):  # time, motion and force
+    for width in range(3, len(names) // 2 + 1):  # A run has time, motion and force.
         if len(names) % width or any(name != names[k % width] for k, name in enumerate(names)):
             continue
         times = [name for name in names[:width] if "time" in roles_of_unit(word_and_unit(name)[1])]

@@ -192,7 +192,7 @@ def _by_numbers(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
 
 
 def _by_units(rows: Sequence[Sequence[str]], count: int) -> Iterator[tuple[str, list[str]]]:
-    """Generate (property, values) from rows or columns of ``count`` units, without label.
+    """Generate (property, values) from rows or columns of units without a known label.
 
     The nearest row (or column) of words has the names of the channels. Numbers with decimals and without a
     known label have the property "unknown". A row has a label in front of its values.
