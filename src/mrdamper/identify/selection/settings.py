@@ -19,7 +19,7 @@ class SelectionSettings:
     """
 
     # Amount of data in the fits of the selection
-    samples_max: int = 10_000  # max number of simulated samples in all fitted sections (windows) of runs
+    samples_max: int = 12_000  # max number of simulated samples in all fitted sections (windows) of runs
     screening_fraction: float = 1.0 / 3.0  # A quick first fit uses at most this fraction of ``samples_max``.
     # The model selection is repeated with more windows if the error of the chosen candidate on all runs
     # exceeds this multiple of its error on the windows.
