@@ -120,6 +120,7 @@ class Table:
     step_s: float | None = None  # Sampling interval that the file states apart from the columns.
     # Units that the file states separately from the names of the columns.
     units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    other_units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))  # of documents
     # column -> number of its clock. Columns with the same number have the same times.
     clocks: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
     recorded_apart: bool = False  # True: the channels may begin and end at different times

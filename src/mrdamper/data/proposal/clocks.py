@@ -207,7 +207,7 @@ def stated_step(table: Table, chosen: ChannelMap, place: str) -> tuple[float | N
     """
     if chosen.rate_Hz is not None or table.step_s is not None:
         return (table.step_s if chosen.rate_Hz is None else 1.0 / chosen.rate_Hz), ()
-    rates = _rates_of(table) or rates_in([Path(place).stem.replace("_", " ")])
+    rates = _rates_of(table, rates_in([Path(place).stem.replace("_", " ")]))
     if rates:
         return (1.0 / rates[0] if len(rates) == 1 else None), rates
     entries = [re.split(r"\s*[:=]\s*", line, maxsplit=1) for line in table.said]
@@ -232,16 +232,19 @@ def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
         meant = meant_without_unit("time", [header_of(table, name, place) for name in table.columns])
         if meant is not None and increases(table, meant.name):
             raise no_unit("time", place, meant.name)
+        candidates = [f"{rate:g}" for rate in rates]
         raise ask(
             "time",
             "rate",
             place,
-            found=f"no time column; the columns are: {column_list(table.names)}",
+            found=f"no time column, and the stated sampling rates differ: {' Hz, '.join(candidates)} Hz"
+            if len(rates) > 1
+            else f"no time column; the columns are: {column_list(table.names)}",
             expected=(
                 "a header such as time_s, [channel.time] in a channel map (--channels FILE), or rate_Hz at "
                 "its [constant]"
             ),
-            candidates=[f"{rate:g}" for rate in rates],
+            candidates=candidates,
         )
     return step
 
@@ -278,12 +281,15 @@ def start_of(table: Table, first_s: float, path: Path, stated: Sequence[str] = (
     )
 
 
-def _rates_of(table: Table) -> tuple[float, ...]:
-    """Return the sampling rates [Hz] that a table states, in words or as one number (``fs_Hz``)."""
+def _rates_of(table: Table, others: Sequence[float] = ()) -> tuple[float, ...]:
+    """Return the different sampling rates [Hz] of a table, in words or as one number (``fs_Hz``).
+
+    The rates ``others`` are appended.
+    """
     names = [name for name in table.columns if rates_in([f"{name.replace('_', ' ')}: 1"])]
     single = [(name, table.columns[name]) for name in names]
     stated = [f"{name.replace('_', ' ')}: {values[0]:.12g}" for name, values in single if len(values) == 1]
-    return rates_in([*table.said, *stated])
+    return (*dict.fromkeys((*rates_in([*table.said, *stated]), *others)),)
 
 
 def unit_by_rate(name: str, table: Table) -> str:

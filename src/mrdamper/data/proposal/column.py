@@ -20,7 +20,7 @@ from mrdamper.data.words.headers import (
 from mrdamper.data.words.labels import rates_in, scales_in
 from mrdamper.data.words.signs import signs_in
 from mrdamper.errors import InputError
-from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit, spell_unit
+from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit, spell_unit, to_si
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +96,8 @@ def headers_of(table: Table, place: str) -> list[Header]:
 def explained(table: Table, notes: Sequence[str]) -> Table:
     """Add names, units, scales and sampling rate from a document's lines to a table.
 
-    Only missing names and units are added. Names come from numbered entries (``2: force [N]``), if there is
-    an entry for each column.
+    Only missing names and units are added. Numbered entries name the columns if there is an entry for each.
+    A sampling rate or a unit that contradicts the file is added, too, because it leads to a question.
     """
     legend = [entry for line in notes for entry in legend_in(line)]
     numbered = {number: f"{word} [{unit}]" for number, word, unit in legend if number is not None}
@@ -106,23 +106,46 @@ def explained(table: Table, notes: Sequence[str]) -> Table:
         columns = {numbered[k]: table.columns[name] for k, name in names.items() if name in table.columns}
         table = replace(table, names=tuple(numbered[k] for k in names), columns=columns)
     units: dict[str, str] = {}
+    other_units: dict[str, str] = {}
     headers = [header_of(table, name, "") for name in table.columns]
     for header in headers:
         own = [unit for _, word, unit in legend if _means_same(word, header)]
         if not header.unit and len({*own}) == 1 and header.of_word in {"", *roles_of_unit(own[0])}:
             units[header.name] = own[0]
+        stated = [unit for word, unit in _sentences(notes) if _means_same(word, header)]
+        for role in header.of_unit if header.unit and header.of_word in {"", *header.of_unit} else ():
+            same = {unit: to_si(1.0, unit, role) for unit in stated if role in roles_of_unit(unit)}
+            if same and to_si(1.0, header.unit, role) not in same.values():
+                other_units[header.name] = next(iter(same))
     is_raw = any("voltage" in each.of_unit for each in headers)
     scales = tuple(line for line in notes if is_raw and scales_in(line))
-    rates = () if rates_in(table.said) else tuple(line for line in notes if rates_in([line]))
+    own_rates = [*rates_in(table.said)] + ([1.0 / table.step_s] if table.step_s else [])
+    rates = tuple(line for line in notes if rates_in([line]))
+    # The sampling rate of the file and the rate in a document agree within 1 %.
+    if any(abs(rate / own - 1.0) < 0.01 for rate in rates_in(rates) for own in own_rates):
+        rates = ()
     signs = () if signs_in(table.said) else tuple(line for line in notes if signs_in([line]))
     dates = tuple(line for line in notes if date_in([line]))
     dates = dates if date_in(dates) and not date_in(table.said) else ()
     remarks = (f"units from a document: {', '.join(units)}",) if units else ()
-    if rates and table.step_s is None and not any(each.of_word == "time" for each in headers):
+    if rates and not own_rates and not any(each.of_word == "time" for each in headers):
         remarks = (*remarks, f"sampling rate from a document: {rates[0].strip()!r}")
     layout = replace(table.layout, notes=(*table.layout.notes, *remarks))
     said = (*table.said, *rates, *scales, *signs, *dates)
-    return replace(table, layout=layout, units={**table.units, **units}, said=said)
+    if rates and table.step_s:
+        said = (*said, f"sampling rate: {1.0 / table.step_s:.9g} Hz")
+        table = replace(table, step_s=None)
+    units = {**table.units, **units}
+    return replace(table, layout=layout, units=units, other_units=other_units, said=said)
+
+
+def _sentences(notes: Sequence[str]) -> list[tuple[str, str]]:
+    """Return the words and units in sentences such as ``Units: force in kN``.
+
+    The headings and rows of tables are omitted, because a table of results may have other units.
+    """
+    lines = [line for line in notes if not re.search(r"[\t;]", line) and re.search(r"[:=]|\bin\b", line)]
+    return [(word, unit) for line in lines for _, word, unit in legend_in(line)]
 
 
 def _means_same(word: str, header: Header) -> bool:

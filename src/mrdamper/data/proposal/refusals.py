@@ -63,14 +63,15 @@ def no_unit(role: str, place: str, name: str, found: str = "") -> InputError:
     )
 
 
-def no_scale(role: str, names: Sequence[str], place: str) -> InputError:
-    """Return the error that requests the scale of a sensor per volt."""
+def no_scale(role: str, names: Sequence[str], place: str, stated: Sequence[str] = ()) -> InputError:
+    """Return the error that requests the scale of a sensor per volt. ``stated`` are the stated scales."""
     columns = ", ".join(map(repr, names))
+    state = f"is stated several times: {', '.join(map(repr, stated))}" if len(stated) > 1 else "is missing"
     return ask(
         role,
         "scale",
         place,
-        found=f"{role} is in volts ({columns}) and the scale in {QUANTITIES[role].unit} per volt is missing",
+        found=f"{role} is in volts ({columns}) and the scale in {QUANTITIES[role].unit} per volt {state}",
         expected=f"a line such as 'scale: 10 {QUANTITIES[role].units[-1]}/V' above the table, or `gain`",
         remedy=f"Give gain and unit = 'V' at [channel.{role}] in the channel map",
         candidates=names,
