@@ -5,6 +5,7 @@ Readers do not guess. Missing information leads to a question, and inferred valu
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -186,8 +187,13 @@ def _read_all(
     runs = tuple(recording for _, file in read for recording in file.recordings)
     objects = {path.suffix.lower() for path, _ in read} & GENERIC_SUFFIXES
     foreign = {*GENERIC_SUFFIXES} - objects
-    ignored = [item for item in unreadable if _is_ignored(item, given | {*frames}, foreign)]
-    if not read and len(ignored) == len(unreadable):  # All errors are reported if no file has a run.
+    series = {_series_of(path) for path, _ in warmed} - {None}
+    ignored = [
+        item
+        for item in unreadable
+        if _is_ignored(item, given | {*frames}, foreign) and _series_of(item.path) not in series
+    ]
+    if not read and len(ignored) == len(unreadable):  # All errors are reported if there is no run.
         ignored = []
     faulty = tuple(
         replace(each, path=_outside(each.path, space)) for each in unreadable if each not in ignored
@@ -200,6 +206,14 @@ def _read_all(
 def _outside(path: Path, space: Path) -> Path:
     """Return the path of a file for messages, without the temporary folder ``space`` of unpacked archives."""
     return path.relative_to(space) if path.is_relative_to(space) else path
+
+
+def _series_of(path: Path) -> Path | None:
+    """Return the path with a sign instead of each number, None if the name of the file has no number.
+
+    A file of the series of the runs is a run, even if its columns are missing or unclear.
+    """
+    return path.with_name(re.sub(r"\d+", "#", path.name)) if re.search(r"\d", path.stem) else None
 
 
 def _is_ignored(file: UnreadableFile, given: set[Path], foreign: set[str]) -> bool:

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.data.formats.clocks import is_setting_of_time
 from mrdamper.data.formats.groups import (
     UNIT_NAMES,
     StoredArray,
@@ -97,6 +98,7 @@ class _Variables:
     ) -> None:
         fields = {str(name): inner for name, inner in value.items() if not str(name).startswith("__")}
         own = {name: one for name, inner in fields.items() if (one := _single(inner)) is not None}
+        own |= _sampling_of(fields)
         settings = {name: inner for name, inner in outer.items() if name not in UNIT_NAMES} | own
         arrays = {name: inner for name, inner in fields.items() if _is_numbers(inner)}
         texts = {name: inner for name, inner in fields.items() if isinstance(inner, str)}
@@ -165,6 +167,17 @@ def _find_signal(
     if long[field] != max(shapes[field]) or len(columns) > 1:
         return None
     return name, field, next((said[key] for key in ("unit", "units") if key in said), ""), time
+
+
+def _sampling_of(fields: Mapping[str, Any]) -> dict[str, object]:
+    """Return the settings of structures such as ``sampling: {interval: 4, unit: ms}`` by joined names."""
+    own: dict[str, object] = {}
+    for name, inner in fields.items():
+        if isinstance(inner, Mapping) and "sampl" in name.lower():
+            values = {f"{name} {key}": _single(value) for key, value in inner.items()}
+            named = {key: value for key, value in values.items() if is_setting_of_time(key)}
+            own |= named | {f"{key}_unit": values.get(f"{name} unit", "") for key in named}
+    return own
 
 
 def _read(values: Any, line: tuple[int, int] | None) -> FloatArray:  # noqa: ANN401 - an array of numbers

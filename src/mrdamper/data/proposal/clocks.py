@@ -298,17 +298,17 @@ def unit_by_rate(name: str, table: Table) -> str:
     return next((unit for unit, rate in _TICKS.items() if ticks and _is_near(ticks, rate)), "")
 
 
-def unit_by_magnitude(times: FloatArray) -> str:
+def unit_by_magnitude(times: FloatArray, step_max_s: float = _STEP_MAX_S) -> str:
     """Return the time unit of a count since 1970 (or days of Excel or MATLAB), "" for any other column.
 
-    The time step must be possible on a rig in this unit, and in no other unit.
+    The time step must be possible in this unit, and in no other unit: on a rig, or up to ``step_max_s``.
     """
     counts = np.unique(times[np.isfinite(times)])
     step = float(np.median(np.diff(counts))) if len(counts) > 1 else 0.0
     fitting = (
         unit
         for unit, low, high, ticks in _EPOCHS
-        if _STEP_MIN_S <= step / ticks <= _STEP_MAX_S and low <= counts[0] and counts[-1] < high
+        if _STEP_MIN_S <= step / ticks <= step_max_s and low <= counts[0] and counts[-1] < high
     )
     return next(fitting, "")
 

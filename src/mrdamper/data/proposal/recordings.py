@@ -49,12 +49,12 @@ from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all, r
 from mrdamper.data.proposal.roles import find_columns, skipped_columns, wide_columns
 from mrdamper.data.proposal.side_by_side import side_by_side, wide_of_long
 from mrdamper.data.records import CHANNELS, LEAST_SAMPLES, Recording
-from mrdamper.data.words.headers import candidates, unit_in_brackets
+from mrdamper.data.words.headers import candidates, has_word, unit_in_brackets
 from mrdamper.data.words.labels import Place, places_of
 from mrdamper.data.words.signs import signs_in
 from mrdamper.errors import InputError
 from mrdamper.files import printable
-from mrdamper.quantities import QUANTITIES, CommandUnit
+from mrdamper.quantities import QUANTITIES, CommandUnit, is_any_unit, roles_of_unit
 
 ONE_FOR_EACH = "one for each current"
 """Source of a force column in a table with one force column for each current."""
@@ -160,11 +160,14 @@ def _may_be_run(table: Table, *, is_foreign: bool) -> bool:
 
     A foreign file has a suffix that rig files do not have. It must have both a motion and a force.
     """
-    if not any(candidates(role, table.names) for role in QUANTITIES):  # The names show no roles.
-        return not is_foreign
+    is_sweep = any(_is_other_quantity(name) and increases(table, name) for name in table.names)
+    if not any(candidates(role, table.names) for role in QUANTITIES):  # Unnamed columns may have any role.
+        return not (is_foreign or is_sweep or all(map(_is_other_quantity, table.names)))
     motions = [name for role in ("displacement", "velocity") for name in candidates(role, table.names)]
     has_time = bool(table.stamps or table.clocks or table.step_s or candidates("time", table.names))
-    if not has_time and (table.rows < LEAST_SAMPLES or all(increases(table, name) for name in motions)):
+    if not has_time and (
+        table.rows < LEAST_SAMPLES or is_sweep or all(increases(table, name) for name in motions)
+    ):
         return False
     samples = headers_of(table, "")
     # The motion may be in a column without a unit or with the unit V.
@@ -173,6 +176,13 @@ def _may_be_run(table: Table, *, is_foreign: bool) -> bool:
     if is_foreign:
         return bool(motions) and has_force
     return bool(motions) or (is_unclear and table.rows >= LEAST_SAMPLES and has_force)
+
+
+def _is_other_quantity(name: str) -> bool:
+    """Return True if a column is named as a quantity that no run requires, such as a frequency."""
+    unit = unit_in_brackets(name)
+    is_other_unit = is_any_unit(unit) and not roles_of_unit(unit) and len(unit) > 1
+    return is_other_unit or has_word(name, "other quantity")
 
 
 def _is_other_kind(table: Table, tables: Sequence[Table]) -> bool:

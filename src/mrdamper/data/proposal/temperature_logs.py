@@ -19,7 +19,7 @@ from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import Finding
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Moment, Table
-from mrdamper.data.proposal.clocks import start_of
+from mrdamper.data.proposal.clocks import increases, start_of, unit_by_magnitude
 from mrdamper.data.proposal.column import Header, headers_of
 from mrdamper.data.proposal.questions import Answer, with_answers
 from mrdamper.data.proposal.recordings import RigFile
@@ -28,8 +28,9 @@ from mrdamper.data.records import GAP_MIN_STEPS, Recording
 from mrdamper.data.tables import read_tables
 from mrdamper.data.words.headers import has_word
 from mrdamper.errors import InputError
-from mrdamper.quantities import QUANTITIES
+from mrdamper.quantities import QUANTITIES, to_si
 
+_STEP_MAX_S = 3600.0  # A log with a longer step has no value during a run.
 _OF_RUNS = frozenset({"displacement", "velocity", "force"})
 # Possible differences between local time and UTC [h]. With the first, 0 h, the log must cover the run.
 _ZONES_h = (*range(15), *range(-12, 0), -9.5, -3.5, 3.5, 4.5, 5.5, 6.5, 9.5, 10.5)
@@ -137,6 +138,11 @@ def _times(table: Table, headers: Sequence[Header], chosen: ChannelMap, place: s
         return table.columns[stamps[0]]
     column = column_of("time", table, headers, chosen, place)
     if column is None:
+        counts = (each.name for each in headers if not each.unit and increases(table, each.name, always=True))
+        units = ((name, unit_by_magnitude(table.columns[name], _STEP_MAX_S)) for name in counts)
+        name, unit = next((pair for pair in units if pair[1]), ("", ""))
+        if unit:
+            return to_si(table.columns[name], unit, "time")
         return np.arange(table.rows, dtype=np.float64) * float(table.step_s or np.nan)
     return column.channel(chosen).to_si(table.columns[column.name], column.unit, place)
 

@@ -36,11 +36,13 @@ _ALL_CHANNELS = re.compile(
     r"\b(all|channels|values|data|signals|columns|samples|readings|alle|werte|kanäle|signale|daten|valeurs|valor[ei]s?)\b",
     re.IGNORECASE,
 )
+_ACCELERATION = re.compile("加速度|가속도")  # These words contain the words of velocity.
 _NARROW = str.maketrans("（）［］／", "()[]/")
 
-Kind = Literal["set point", "sensor output", "statistic", "filtered", "ambient", "fluid", "damper"]
-# Words for kinds of columns. A statistic, such as a peak, is one value for a cycle or a run. A sensor output
-# in volts represents a different quantity.
+Kind = Literal[
+    "set point", "sensor output", "statistic", "filtered", "ambient", "fluid", "damper", "other quantity"
+]
+# A statistic is a result of a cycle or a run. The volts of a sensor output represent another quantity.
 _KINDS: Mapping[Kind, re.Pattern[str]] = MappingProxyType(
     {
         "set point": re.compile(
@@ -55,7 +57,11 @@ _KINDS: Mapping[Kind, re.Pattern[str]] = MappingProxyType(
         "ambient": re.compile(
             r"\b(amb\w*|room|air|\w*raum\w*|umgebung\w*|lab|labor\w*|chamber|halle?|hal[ay]?|sal[al]e?|otoczeni\w*"
             r"|powietrz\w*|pokoj\w*|okol\w*|vzduch\w*|környez\w*|luft\w*|ortam|oda|kamer|rumm?\w*)\b"
-            r"|室温|环境|環境|комнат|воздух|окруж|помещ|실온"
+            r"|室温|环境|環境|комнат|воздух|окруж|помещ|실온|\b(tank|reservoir|sump|hpu|pump\w*|hydraul\w*)\b"
+        ),
+        "other quantity": re.compile(
+            r"acceler|beschleun|freq|shear|viscos|viskos|induct|induktiv|impedan|resistan|widerstand|flux|humid"
+            r"|频率|周波数|주파수"
         ),
         "damper": re.compile(
             r"damper|d(ä|ae)mpfer|t[lł]umi[kč]|am+orti[sz]|amorte[cç]|demper|lengéscs|амортиз|демпф|阻尼|ダンパ|댐퍼"
@@ -189,7 +195,7 @@ def are_all_per_cent(line: str) -> bool:
 
 def _split_words(word: str) -> str:
     """Return the words of a header (``coil_current``, ``CoilCurrent``) in lower case, separated by blanks."""
-    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", word)
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", _ACCELERATION.sub("acceleration", word))
     return re.sub(r"[\W_\d]+", " ", apart).strip().lower()
 
 
@@ -256,7 +262,7 @@ def candidates(role: str, headers: Sequence[str]) -> list[str]:
         header
         for header in headers
         if header.strip() == quantity.symbol
-        or any(re.search(rf"(?<![a-z]){word}", header.lower()) for word in words)
+        or any(re.search(rf"(?<![a-z加가]){word}", header.lower()) for word in words)
     ]
     units = {
         header: unit_in_brackets(header) or header.rpartition("_")[2]
