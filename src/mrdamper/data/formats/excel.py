@@ -79,8 +79,18 @@ def sheet_lines(path: Path) -> list[str]:
     if path.suffix.lower() == ".ods":
         return _open_document_lines(path)
     book = _open(path)
-    sheets = [book.get_sheet_by_name(name).iter_rows() for name in book.sheet_names]
+    sheets = [_merged_rows(book.get_sheet_by_name(name)) for name in book.sheet_names]
     return ["\t".join(map(_spelled, row)) for rows in sheets for row in rows]
+
+
+def _merged_rows(sheet: Any) -> list[Row]:  # noqa: ANN401 - python-calamine has no types
+    """Return the rows of a sheet. The value of merged cells is repeated in each row of the first column."""
+    rows = [list(row) for row in sheet.iter_rows()]
+    left = (sheet.start or (0, 0))[1]  # The rows begin at the first column with a value.
+    for (first, column), (last, _) in sheet.merged_cell_ranges or ():
+        for row in rows[first + 1 : last + 1]:
+            row[column - left] = rows[first][column - left]
+    return rows
 
 
 def _open_document_lines(path: Path) -> list[str]:
@@ -90,11 +100,19 @@ def _open_document_lines(path: Path) -> list[str]:
     if b"<!DOCTYPE" in text:
         raise InputError(place=path, found="is no sheet", remedy="Save it as .xlsx or CSV")
     rows: list[list[str]] = []
+    merged: dict[int, tuple[int, str]] = {}  # column -> further rows and value of merged cells
     for row in ElementTree.fromstring(text).iter(f"{_TABLE}table-row"):
         cells: list[str] = []
         for cell in row:
             count = min(int(cell.get(f"{_TABLE}number-columns-repeated", "1")), SETTINGS.table_columns_max)
-            cells += [cell.get(f"{_OFFICE}value") or " ".join("".join(cell.itertext()).split())] * count
+            text = cell.get(f"{_OFFICE}value") or " ".join("".join(cell.itertext()).split())
+            left, value = merged.get(len(cells), (0, ""))
+            if left and cell.tag == f"{_TABLE}covered-table-cell":
+                merged[len(cells)] = (left - 1, value)
+                text = value
+            elif (spanned := int(cell.get(f"{_TABLE}number-rows-spanned", "1"))) > 1:
+                merged[len(cells)] = (spanned - 1, text)
+            cells += [text] * count
         rows.append("\t".join(cells).rstrip("\t").split("\t"))
     width = max(map(len, rows), default=0)
     return ["\t".join([*row, *[""] * (width - len(row))]) for row in rows]

@@ -179,7 +179,8 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
         stating: Mapping[Path, tuple[str, ...]] = {}
         for group in (siblings, below):
             if lines and not stating:
-                stating = _stating(_lines_by_file(path, lines, group, is_run=is_run))
+                stating = _stating(_matrix_lines(path, lines, group))
+                stating = stating or _stating(_lines_by_file(path, lines, group, is_run=is_run))
         for file in owners:
             own = [with_unit(line_of(re.split("[\t;]", _strip_name(line, file)))) for line in lines]
             stating = {**stating, **_stating({file: [*stating.get(file, ()), *own]})}
@@ -319,6 +320,29 @@ def _lines_by_file(
         for file in now:
             found.setdefault(file, []).append(with_unit(_strip_name(line, file)))
     return found if 2 * mentions > sum(bool(line.strip()) for line in lines[1:]) or not is_run else {}
+
+
+def _matrix_lines(path: Path, lines: Sequence[str], files: Sequence[Path]) -> dict[Path, list[str]]:
+    """Return the headings of row and column of each file in a table whose cells name or number the files.
+
+    The table must contain each file exactly once, because its cells may be counts or results.
+    """
+    found: dict[Path, list[str]] = {}
+    heads: Sequence[str] = ()
+    known = _Files(files, path.parent)
+    for cells in map(_cells, lines):
+        filled = [cell for cell in cells[1:] if cell]
+        named = {cell: known.in_cell(cell) for cell in filled}
+        named |= {cell: known.numbers.get(int(float(cell)), ()) for cell in filled if _WHOLE.fullmatch(cell)}
+        if len(cells) != len(heads) or not filled or not all(named.values()):
+            heads = cells
+            continue
+        for head, cell in zip(heads[1:], cells[1:], strict=True):
+            column = f"{heads[0]}: {head}" if is_number(head) else head
+            for file in named.get(cell, ()):
+                found.setdefault(file, []).extend(map(with_unit, (column, f"{heads[0]}: {cells[0]}")))
+    is_whole = found.keys() == {*files} and all(len(each) == 2 for each in found.values())
+    return found if is_whole else {}
 
 
 def _strip_name(line: str, file: Path) -> str:

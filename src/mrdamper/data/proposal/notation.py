@@ -50,7 +50,34 @@ def entries_of(text: str, suffix: str) -> list[str]:
             raise ValueError(f"{error}") from error
         return [*_lines(_tree_of_object({"": _object_of_element(root)}))]
     remarks, tree = _tree_of_lines(text, suffix)
+    if suffix in SCRIPTS:
+        tree = {key: _with_keys(node, remarks) for key, node in tree.items()}
     return [*remarks, *_lines(tree, is_script=suffix in SCRIPTS)]
+
+
+def _with_keys(node: Node | str, remarks: list[str]) -> Node | str:
+    """Return a list of equally long rows with the names of the columns from the only fitting comment.
+
+    Example: ``# file, coil current in A`` above ``[("run1.csv", 0.5), ("run2.csv", 1.0)]``. The comment may
+    also state the units of the keys of the rows, as in ``# I in A``.
+    """
+    rows = [*node.values()] if isinstance(node, dict) else []
+    columns = {tuple(row) if isinstance(row, dict) else () for row in rows}
+    if not isinstance(node, dict) or len(columns) != 1 or not (keys := columns.pop()):
+        return node
+    lists = [[word_and_unit(chunk) for chunk in re.split(r"[,;|]\s*", remark)] for remark in remarks]
+    if keys == (*range(1, len(keys) + 1),):
+        lists = [each for each in lists if len(each) == len(keys) > 1 and any(unit for _, unit in each)]
+        names = dict(zip(keys, lists[0], strict=True)) if len(lists) == 1 else {}
+    else:
+        units = [pair for each in lists for pair in each if pair[0] in keys and pair[1]]
+        names = {word: (word, unit) for word, unit in units if [word for word, _ in units].count(word) == 1}
+    titles = {key: f"{word} [{unit}]" if unit else word for key, (word, unit) in names.items()}
+    return {
+        number: {titles.get(key, key): cell for key, cell in row.items()}
+        for number, row in node.items()
+        if isinstance(row, dict)
+    }
 
 
 def _tree_of_object(value: object) -> Node | str:
@@ -90,7 +117,7 @@ def _tree_of_lines(text: str, suffix: str) -> tuple[list[str], Node]:
         body = begun + body.rstrip(" ;,." if suffix in SCRIPTS else " ;,")
         is_open = sum(map(body.count, "[{")) > sum(map(body.count, "]}"))
         begun = f"{body}, " if is_open else ""
-        remarks += [remark] if remark and not body.strip() else []
+        remarks += [remark] if remark and (is_open or not body.strip()) else []
         for part in [] if is_open else _STATEMENT_END.split(body) if suffix in SCRIPTS else [body]:
             _add_entry(part, suffix, remark, tree, levels)
     return remarks, tree
