@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import zipfile
 
 import numpy as np
 import pytest
@@ -188,36 +187,18 @@ def test_matrix_of_other_numbers_is_a_question(tmp_path, cells):
         read_runs(tmp_path)
 
 
-@pytest.mark.parametrize("suffix", [".xlsx", ".ods"])
-def test_merged_cells_state_several_runs(tmp_path, suffix):
+def test_merged_cells_state_several_runs(tmp_path):
     """The first value is in merged cells of the first two runs, which have the same current."""
-    runs = (*RUNS, RUNS[0])
-    for k, run in enumerate(runs):
-        write(tmp_path, f"run_{k:02}.csv", BARE + table(*columns(run)[:3]))
-    cells = [("0 A", "run_00"), (None, "run_03"), ("0.75 A", "run_01"), ("1.5 A", "run_02")]
-    if suffix == ".xlsx":
-        from openpyxl import Workbook
+    from openpyxl import Workbook
 
-        book = Workbook()
-        for row in [("Coil", "Run"), *cells]:
-            book.active.append((None, *row))
-        book.active.merge_cells("B2:B3")
-        book.save(tmp_path / "plan.xlsx")
-    else:
-        name = "urn:oasis:names:tc:opendocument:xmlns:table:1.0"
-        kinds = [("table-cell table:number-rows-spanned='2'", "covered-table-cell"), ("table-cell",) * 2]
-        texts = [("table-cell", "Coil", "Run")]
-        texts += [
-            (kind, first or "", run) for kind, (first, run) in zip((*kinds[0], *kinds[1]), cells, strict=True)
-        ]
-        lines = (
-            f"<table:table-row><table:{kind}>{first}</table:{kind.split()[0]}>"
-            f"<table:table-cell>{run}</table:table-cell></table:table-row>"
-            for kind, first, run in texts
-        )
-        content = f"<x xmlns:table='{name}'>{''.join(lines)}</x>"
-        with zipfile.ZipFile(tmp_path / "plan.ods", "w") as archive:
-            archive.writestr("content.xml", content)
+    for k, run in enumerate((*RUNS, RUNS[0])):
+        write(tmp_path, f"run_{k:02}.csv", BARE + table(*columns(run)[:3]))
+    book = Workbook()
+    cells = [("0 A", "run_00"), (None, "run_03"), ("0.75 A", "run_01"), ("1.5 A", "run_02")]
+    for row in [("Coil", "Run"), *cells]:
+        book.active.append((None, *row))
+    book.active.merge_cells("B2:B3")
+    book.save(tmp_path / "plan.xlsx")
     currents = {run.name: run.constant_command for run in read_runs(tmp_path)}
     assert currents == {"run_00": 0.0, "run_01": 0.75, "run_02": 1.5, "run_03": 0.0}
 

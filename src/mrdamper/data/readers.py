@@ -187,12 +187,9 @@ def _read_all(
     runs = tuple(recording for _, file in read for recording in file.recordings)
     objects = {path.suffix.lower() for path, _ in read} & GENERIC_SUFFIXES
     foreign = {*GENERIC_SUFFIXES} - objects
-    series = {_series_of(path) for path, _ in warmed} - {None}
-    ignored = [
-        item
-        for item in unreadable
-        if _is_ignored(item, given | {*frames}, foreign) and _series_of(item.path) not in series
-    ]
+    ignored = [item for item in unreadable if _is_ignored(item, given | {*frames}, foreign)]
+    series = {_series_of(path) for path, _ in warmed} - {""}
+    ignored = [item for item in ignored if _series_of(item.path) not in series]
     if not read and len(ignored) == len(unreadable):  # All errors are reported if there is no run.
         ignored = []
     faulty = tuple(
@@ -208,12 +205,9 @@ def _outside(path: Path, space: Path) -> Path:
     return path.relative_to(space) if path.is_relative_to(space) else path
 
 
-def _series_of(path: Path) -> Path | None:
-    """Return the path with a sign instead of each number, None if the name of the file has no number.
-
-    A file of the series of the runs is a run, even if its columns are missing or unclear.
-    """
-    return path.with_name(re.sub(r"\d+", "#", path.name)) if re.search(r"\d", path.stem) else None
+def _series_of(path: Path) -> str:
+    """Return the path with a sign for each number in the name, "" without a number: "run_#.csv"."""
+    return f"{path.parent / re.sub(r'[0-9]+', '#', path.name)}" if re.search(r"\d", path.stem) else ""
 
 
 def _is_ignored(file: UnreadableFile, given: set[Path], foreign: set[str]) -> bool:

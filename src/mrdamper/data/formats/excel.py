@@ -100,19 +100,11 @@ def _open_document_lines(path: Path) -> list[str]:
     if b"<!DOCTYPE" in text:
         raise InputError(place=path, found="is no sheet", remedy="Save it as .xlsx or CSV")
     rows: list[list[str]] = []
-    merged: dict[int, tuple[int, str]] = {}  # column -> further rows and value of merged cells
     for row in ElementTree.fromstring(text).iter(f"{_TABLE}table-row"):
         cells: list[str] = []
         for cell in row:
             count = min(int(cell.get(f"{_TABLE}number-columns-repeated", "1")), SETTINGS.table_columns_max)
-            text = cell.get(f"{_OFFICE}value") or " ".join("".join(cell.itertext()).split())
-            left, value = merged.get(len(cells), (0, ""))
-            if left and cell.tag == f"{_TABLE}covered-table-cell":
-                merged[len(cells)] = (left - 1, value)
-                text = value
-            elif (spanned := int(cell.get(f"{_TABLE}number-rows-spanned", "1"))) > 1:
-                merged[len(cells)] = (spanned - 1, text)
-            cells += [text] * count
+            cells += [cell.get(f"{_OFFICE}value") or " ".join("".join(cell.itertext()).split())] * count
         rows.append("\t".join(cells).rstrip("\t").split("\t"))
     width = max(map(len, rows), default=0)
     return ["\t".join([*row, *[""] * (width - len(row))]) for row in rows]

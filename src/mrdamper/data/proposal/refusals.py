@@ -48,13 +48,13 @@ def no_column(role: str, table: Table, place: str) -> InputError:
 
 
 def no_unit(role: str, place: str, name: str, found: str = "") -> InputError:
-    """Return the error that requests the unit of a column. ``found`` is its invalid unit, "" if missing."""
+    """Return the error that requests the unit of a column. ``found`` is the fault, "": no unit."""
     choices = QUANTITIES[role].units
     return ask(
         role,
         "unit",
         place,
-        found=f"unit {found!r} is not a unit of {role}" if found else f"{role} has no unit",
+        found=found or f"{role} has no unit",
         expected=(
             f"one in the header (such as {role}_{QUANTITIES[role].unit}) of column {name!r}, or `unit` at "
             f"[channel.{role}] in a channel map (--channels FILE): {', '.join(choices)}"

@@ -69,7 +69,8 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
             if column is not None and column.name in table.scales and chosen.channel(role).gain is None:
                 raise _unclear_factor(column, table.scales[column.name], place)
             if column is not None and column.name in table.other_units and not chosen.channel(role).unit:
-                raise _contradictory_units(column, table.other_units[column.name], place)
+                other = f"{column.unit}, but a document states {table.other_units[column.name]}"
+                raise no_unit(role, place, column.name, f"column {column.name!r} is in {other}")
         except InputError as fault:
             faults.append(fault)
             known.add(role)
@@ -96,18 +97,6 @@ def _unclear_factor(column: Column, factor: float, place: str) -> InputError:
         found=f"the factor {factor:g} of {column.name!r} above the table may have been applied to the column",
         expected=f"--answer '{column.role}.scale={applied}' if it was, '{column.role}.scale={raw}' if not",
         candidates=[applied, raw],
-    )
-
-
-def _contradictory_units(column: Column, other: str, place: str) -> InputError:
-    """Return the error for a column whose unit differs from the unit in a document."""
-    return ask(
-        column.role,
-        "unit",
-        place,
-        found=f"column {column.name!r} is in {column.unit}, but a document states {other} for this quantity",
-        expected="one unit",
-        candidates=[column.unit, other],
     )
 
 
@@ -263,7 +252,7 @@ def _column_without_unit(
     if not _is_needed(role, headers):
         return None
     if not is_volts:
-        raise no_unit(role, place, column.name, unit)
+        raise no_unit(role, place, column.name, f"unit {unit!r} is not a unit of {role}" if unit else "")
     scales = [line for line in table.said for _, scale in scales_in(line) if role in roles_of_unit(scale)]
     raise no_scale(role, [column.name], place, scales)
 
