@@ -16,6 +16,8 @@ from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
 from mrdamper.quantities import QUANTITIES, roles_of_unit
 
 _SAMPLES = frozenset({"data", "values", "value", "y", "samples", "signal"})
+_LINE_OF_MATRIX = re.compile(r"column (\d+) of (.*)")
+_COMMANDS = frozenset({"current", "voltage"})
 UNIT_NAMES = ("unit", "units", "Unit", "Units")
 
 
@@ -203,6 +205,39 @@ def with_values_of_runs(arrays: Sequence[StoredArray]) -> list[StoredArray]:
         replace(each, settings={**settings[run], **each.settings}) if run else each
         for each, run in zip(arrays, own, strict=True)
     ]
+
+
+def with_runs_of_matrices(arrays: Sequence[StoredArray]) -> list[StoredArray]:
+    """Return arrays with a group for each run, from matrices with a line for each run: ``run 1/force_N``.
+
+    At least two matrices of different quantities have the same shape. Their lines are runs if another matrix
+    of this shape contains currents, or if an array has one current for each line. Arrays with the length of
+    the lines, such as common times, are in each group.
+    """
+    matrices: dict[tuple[str, ...], list[StoredArray]] = {}
+    for each in arrays:
+        if line := _LINE_OF_MATRIX.fullmatch(each.name):
+            matrices.setdefault((*each.path[:-1], line[2]), []).append(each)
+    shapes = {(len(lines), lines[0].size) for lines in matrices.values()}
+    roles = {role for *_, name in matrices for role in QUANTITIES if _means(name, role)}
+    count, size = next(iter(shapes), (0, 0))
+    has_currents = bool(roles & _COMMANDS) or any(
+        each.size == count and any(_means(each.name, role) for role in _COMMANDS) for each in arrays
+    )
+    if len(shapes) != 1 or len(matrices) != len(roles) or len(roles) < 2 or not has_currents or count == size:
+        return [*arrays]
+    found = [each for each in arrays if each.size != size]
+    for k in range(count):
+        found += [replace(lines[k], path=(f"run {k + 1}", path[-1])) for path, lines in matrices.items()]
+        shared = (each for each in arrays if each.size == size and not _LINE_OF_MATRIX.fullmatch(each.name))
+        found += [replace(each, path=(f"run {k + 1}", each.name)) for each in shared]
+    return found
+
+
+def _means(name: str, role: str) -> bool:
+    word, unit = word_and_unit(name)
+    header = parse_header(name)
+    return header[0] == role if header else speaks_of(word, role) or word == QUANTITIES[role].symbol
 
 
 def is_in_part(path: Sequence[str], part: str) -> bool:

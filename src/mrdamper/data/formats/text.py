@@ -114,6 +114,13 @@ def _table(path: TextSource, found: _Found, stop: int | None = None) -> Table:
         )
     if header.sampling is not None:
         table = with_samplings(table, dict.fromkeys(table.columns, header.sampling))
+    ends = {
+        name: table.columns[name] * a + b for name, (a, b) in header.spans.items() if name in table.columns
+    }
+    if ends:
+        notes = (*table.layout.notes, f"converted from the stated spans: {', '.join(ends)}")
+        columns = {**table.columns, **ends}
+        table = replace(table, columns=columns, layout=replace(table.layout, notes=notes))
     if not header.scales:
         return table
     scaled = {name: scale for name, scale in header.scales.items() if name in table.columns}

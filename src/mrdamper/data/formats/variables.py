@@ -27,6 +27,7 @@ from mrdamper.data.formats.groups import (
     is_in_part,
     skipped_note,
     table_of_arrays,
+    with_runs_of_matrices,
     with_values_of_runs,
 )
 from mrdamper.data.formats.settings import SETTINGS
@@ -46,7 +47,7 @@ def table_of_variables(
     """
     found = _Variables(variables)
     layout = Layout(kind, part=options.part, notes=skipped_note([*skipped, *found.objects]))
-    found.arrays = with_values_of_runs(found.arrays)
+    found.arrays = with_values_of_runs(with_runs_of_matrices(found.arrays))
     arrays = [each for each in found.arrays if not each.is_setting]
     table = table_of_arrays(arrays, path, layout, found.texts)
     said = {"/".join(path): text for path, text in found.texts.items() if is_in_part(path, table.title)}

@@ -174,11 +174,15 @@ def _findings_of_common_time(
 def with_clocks(table: Table) -> Table:
     """Assign the nearest time column to the left to each column of a text's table.
 
-    If all time columns are equal, only the first is kept.
+    Equal time columns are merged. A single time column with blanks between the samples of slower channels
+    becomes a clock for each rate.
     """
     # A reader appends a number to a repeated name: "time (2)".
     plain = {name: re.sub(r" \(\d+\)$", "", name) for name in table.names}
     times = [name for name in table.names if "time" in roles_of_unit(word_and_unit(plain[name])[1])]
+    alone = times or [name for name in table.columns if table.units.get(name) == "s"]
+    if len(alone) == 1:
+        return _with_slow_channels(table, alone[0])
     if len(times) < 2 or table.names[0] != times[0] or table.clocks or table.texts:
         return table
     first = table.columns[times[0]]
@@ -197,6 +201,36 @@ def with_clocks(table: Table) -> Table:
         return table
     columns = {name: values[: rows[name]] for name, values in table.columns.items()}
     return replace(table, columns=columns, clocks=clocks)
+
+
+def _with_slow_channels(table: Table, time: str) -> Table:
+    """Return a table in which the columns with regular blanks between their samples have own clocks.
+
+    At least half of the cells of such a column are blank, and its samples have equal steps of time.
+    """
+    times = table.columns[time]
+    if table.clocks or not np.isfinite(times).all():
+        return table
+    columns, clocks = dict(table.columns), dict.fromkeys([time, *table.columns], 0)
+    numbers: dict[bytes, int] = {}  # rows with samples -> number of the clock
+    for name, values in table.columns.items():
+        there = np.isfinite(values)
+        steps = np.diff(times[there]) if len(values) == len(times) else np.empty(0)
+        # Rounded times and one row more or less between two samples change a step by less than a half.
+        if len(steps) > 1 and 2 * there.sum() <= len(there) + 1 and np.ptp(steps) < 0.5 * np.median(steps):
+            number = numbers.setdefault(there.tobytes(), len(numbers) + 1)
+            columns[name], columns[f"{time} ({number + 1})"] = values[there], times[there]
+            clocks |= {f"{time} ({number + 1})": number, name: number}
+    if not numbers:
+        return table
+    added = [name for name in columns if name not in table.columns]
+    return replace(
+        table,
+        names=(*table.names, *added),
+        columns=columns,
+        clocks={name: clocks[name] for name in (*added, *clocks)},  # A clock begins with its time column.
+        units={**table.units, **({name: table.units[time] for name in added} if time in table.units else {})},
+    )
 
 
 def stated_step(table: Table, chosen: ChannelMap, place: str) -> tuple[float | None, tuple[float, ...]]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import groupby
+from operator import itemgetter
 
 import numpy as np
 
@@ -16,6 +18,7 @@ from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Table
 from mrdamper.data.proposal.clocks import unit_by_magnitude
 from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
+from mrdamper.data.words.labels import labels_in
 from mrdamper.quantities import QUANTITIES, roles_of_unit, to_si
 
 _VALUE = re.compile(r"values?|val|wert|valeur|valor|reading|measurement", re.IGNORECASE)
@@ -25,20 +28,25 @@ _COUNTED = re.compile(r" \(\d+\)$")  # number that a reader appends to a repeate
 def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
     """Return a table for each run, or only the given table if it contains a single run.
 
-    A table contains several runs if the names of its columns repeat and each repetition has one time column.
-    Numbers that the reader appended to repeated names are ignored. The title of a run consists of the title
-    of the table and the text in front of a name (``0.5 A: F [N]``). Empty columns between runs are removed.
-    The table is not divided if a channel map names a column that does not repeat.
+    A table contains several runs if the names of its columns repeat, apart from numbers appended by the
+    reader, and if each repetition has one time column. The first column may be the time of all runs if
+    different currents are stated above them. The title of a run is the title of the table and the
+    text above the names (``0.5 A: F [N]``). Empty columns between runs are removed. The table is not divided
+    if a channel map names a column that is not among the repeated names.
     """
     if table.texts or table.clocks or table.stamps:
         return (table,)
     filled = [name for name in table.names if _split_name(name)[1] or np.isfinite(table.columns[name]).any()]
     split = [_split_name(name) for name in filled]
     above, names = [title for title, _ in split], [name for _, name in split]
-    width = _width(names)
+    width, time = _width(names), []
+    if width is None and names and not above[0] and _is_time(names[0]):
+        width, time = _width_below_currents(names[1:], above[1:]), filled[:1]
+        names = names[1:]
     wanted = [channel.name for channel in chosen.channels.values()]
-    if width is None or any(name not in names[:width] for name in wanted):
+    if width is None or any(name not in [*time, *names[:width]] for name in wanted):
         return (table,)
+    filled, above = filled[len(time) :], above[len(time) :]
     runs = []
     for first in range(0, len(names), width):
         own = filled[first : first + width]
@@ -47,6 +55,7 @@ def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
         rows = int(known[-1]) + 1 if len(known) else 0
         if rows < SETTINGS.table_rows_min:
             return (table,)
+        columns = {**{name: table.columns[name] for name in time}, **columns}
         runs.append(
             replace(
                 table,
@@ -144,6 +153,20 @@ def _width(names: Sequence[str]) -> int | None:
     for width in range(3, len(names) // 2 + 1):  # A run has time, motion and force.
         if len(names) % width or any(name != names[k % width] for k, name in enumerate(names)):
             continue
-        times = [name for name in names[:width] if "time" in roles_of_unit(word_and_unit(name)[1])]
+        times = [name for name in names[:width] if _is_time(name)]
         return width if len(times) == 1 and len(set(names[:width])) == width else None
     return None
+
+
+def _is_time(name: str) -> bool:
+    return "time" in roles_of_unit(word_and_unit(name)[1])
+
+
+def _width_below_currents(names: Sequence[str], above: Sequence[str]) -> int | None:
+    """Return the number of columns of each run if the same columns are below each stated current, else None."""
+    groups = [
+        [name for _, name in group] for _, group in groupby(zip(above, names, strict=True), itemgetter(0))
+    ]
+    are_runs = len(groups) > 1 and all(len(labels_in(text, "current")) == 1 for text in above)
+    is_once = are_runs and len({*groups[0]}) == len(groups[0]) > 1 and not any(map(_is_time, groups[0]))
+    return len(groups[0]) if is_once and all(group == groups[0] for group in groups) else None

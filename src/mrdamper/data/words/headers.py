@@ -79,7 +79,8 @@ _COIL = re.compile(r"\b(coil|magnet\w*|solenoid|spule\w*|bobin[ae]|cewk\w*)\b|�
 _DUTY = re.compile(r"\b(pwm|duty\w*|tastgrad|tastverh\w*|control|drive\w*|steuer\w*)\b|占空比|듀티")
 _PER_CENT = re.compile(
     r"(?:%|\b(?:pct|percent|per cent|prozent)\b)"
-    r"(?:\s*(?:of|v\.|vom|du)?\s*(?:fso?|f\.s\.|range|full scale|endwert|messbereich|rated))?[\s\])}]*$",
+    r"(?:\s*(?:of|v\.|vom|du|de l['’]|del)?\s*(?:fso?|f\.s\.|range|full scale|span|endwert|messbereich|rated"
+    r"|étendue(?: de mesure)?|rango))?[\s\])}]*$",
     re.IGNORECASE,
 )
 

@@ -61,6 +61,9 @@ _CYRILLIC = dict.fromkeys(range(0x400, 0x500), "x") | str.maketrans("АВСм", 
 _PER_VOLT = {"V": 1.0, "mV": 1e3}
 _SCALE = re.compile(rf"({_NUMBER})\s*([^\W\d_]{{1,3}}(?:/s)?)\s*(?:/|per)\s*(m?V)(?:olt)?s?(?![\w/])")
 _SCALE_BEFORE = re.compile(rf"(?<![^\s\[(])([^\W\d_]{{1,3}}(?:/s)?)/(m?V)[\])]?[\s:=]+({_NUMBER})(?![\w/])")
+_POINT_OF_SPAN = re.compile(
+    rf"(?<![\w.,])([+-]?\s?{_NUMBER})\s*(%|m?V|mA)\s*(?:=|≙|->|→|:)\s*([+-]?\s?{_NUMBER})\s*([°º]?[^\W\d_]{{1,3}}(?:/s)?)(?![\w/])"
+)
 _VOLTS_PER = re.compile(rf"(?<![\d.,])({_NUMBER})\s*(m?V)\s*(?:/|per)\s*([^\W\d_]{{1,3}})(?![\w/])")
 _SCALE_OF_ONE = re.compile(
     rf"(?<![\d.,])1\s*V\s*(?:=|≙|->|:)\s*({_NUMBER})\s*([^\W\d_]{{1,3}}(?:/s)?)(?![\w/])"
@@ -168,8 +171,33 @@ def scales_in(line: str) -> tuple[tuple[float, str], ...]:
     return tuple(scales)
 
 
+def span_in(line: str) -> tuple[float, float, str, str] | None:
+    """Return factor, offset, raw unit and unit of a span with both ends, else None.
+
+    An example is ``0 % = -40 mm ; 100 % = +40 mm``.
+    """
+    points = [(number.replace(" ", ""), *rest) for number, *rest in _POINT_OF_SPAN.findall(line)]
+    if len(points) != 2 or len({(raw, unit) for _, raw, _, unit in points}) != 1:
+        return None
+    (a, raw, b, unit), (c, _, d, _) = points
+    low, high = _to_float(a), _to_float(c)
+    begin, end = (_to_float(each.replace(" ", "")) for each in (b, d))
+    if low == high or begin == end:
+        return None
+    factor = (end - begin) / (high - low)
+    return factor, begin - factor * low, raw, unit
+
+
+def without_span(name: str) -> str:
+    """Return the name of a column without the span behind it."""
+    point = _POINT_OF_SPAN.search(name) if span_in(name) else None
+    return name if point is None else name[: point.start()].strip(" ;,:([")
+
+
 def ranges_in(line: str) -> tuple[tuple[float, str], ...]:
     """Return the ranges in a line as (number, unit), such as ``Range force: 5 kN`` or ``100 % = 2 A``."""
+    if (span := span_in(line)) is not None and span[1] != 0.0:
+        return ()
     found = _RANGE_OF.findall(line) if re.search(_RANGE_WORDS, line, re.IGNORECASE) else []
     return tuple((_to_float(number), unit) for number, unit in found)
 
@@ -192,7 +220,7 @@ def _may_say(place: Place, role: str) -> bool:
 
 
 _SAMPLING = re.compile(
-    r"sampl|(?<![^\W_])fs(?![^\W_])|\brate\b|messrate|abtast|acqui|échant|echant|muestr|campion|amostr|próbk|vzork|mintav|örnek|дискрет|опрос|采样|サンプ|샘플",
+    r"sampl|\bcadence\b|(?<![^\W_])fs(?![^\W_])|\brate\b|messrate|abtast|acqui|échant|echant|muestr|campion|amostr|próbk|vzork|mintav|örnek|дискрет|опрос|采样|サンプ|샘플",
     re.IGNORECASE,
 )
 _RATE = re.compile(

@@ -17,8 +17,8 @@ from mrdamper.data.formats.lines.properties import find_properties, property_of
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import MISSING_MARKS
 from mrdamper.data.formats.timestamps import days_of, is_time
-from mrdamper.data.words.headers import are_all_per_cent, parse_header, speaks_of, word_and_unit
-from mrdamper.data.words.labels import labels_in
+from mrdamper.data.words.headers import are_all_per_cent, is_per_cent, parse_header, speaks_of, word_and_unit
+from mrdamper.data.words.labels import CONDITIONS, labels_in, span_in, without_span
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, is_any_unit, roles_of_unit
 
@@ -47,6 +47,7 @@ class Header:
     named: bool = True  # False: no row of names was found
     scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # factor, offset
     sampling: Sampling | None = None
+    spans: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # factor, offset of raw values
 
 
 def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
@@ -143,18 +144,40 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
 
     If all channels are in per cent of their ranges, the units of the ranges are replaced by ``%``.
     """
-    header = _read_header(lines, first, delimiter)
+    header = _with_spans(_read_header(lines, first, delimiter))
     if not any(map(are_all_per_cent, header.said)):
         return header
     split = [(name, *word_and_unit(name)) for name in header.names]
     roles = {*QUANTITIES} - {"time"}
     names = [
         f"{word} [%]"
-        if roles & {*roles_of_unit(unit)} or any(speaks_of(word, role) for role in roles)
+        if name not in header.spans
+        and (roles & {*roles_of_unit(unit)} or any(speaks_of(word, role) for role in roles))
         else name
         for name, word, unit in split
     ]
     return replace(header, names=tuple(names), scales={})
+
+
+def _with_spans(header: Header) -> Header:
+    """Return the header with the units of columns in per cent, V or mA whose span has two stated ends."""
+    names = [*header.names]
+    spans: dict[str, tuple[float, float]] = {}
+    is_in_per_cent = any(map(are_all_per_cent, header.said))
+    for k, name in enumerate(names):
+        base = names[k] = without_span(name)
+        word = re.sub(r"\s*[\[(][^\])]*[\])]$", "", base)
+        own = base[len(word) :].strip(" []()")
+        lines = [line for line in header.said if re.search(rf"(?<!\w){re.escape(word)}(?!\w)", line)]
+        found = {span for line in (name, *lines) if word and (span := span_in(line)) is not None}
+        if len(found) != 1:
+            continue
+        factor, offset, raw, unit = found.pop()
+        is_raw = own == raw or (raw == "%" and (is_per_cent(own) or (is_in_per_cent and not own)))
+        if is_raw and roles_of_unit(unit):
+            names[k] = f"{word} [{unit}]"
+            spans[names[k]] = factor, offset
+    return replace(header, names=tuple(names), spans=spans)
 
 
 def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
@@ -212,11 +235,10 @@ def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
         # Oscilloscopes write the time step in the row of units.
         settings = [f"{name}: {unit} s" for name, unit in both if count_numbers([unit])]
         names = [f"{name} [{unit}]" if unit and not count_numbers([unit]) else name for name, unit in both]
-    commands = rows[0][1] if rows else []
-    if sum(map(bool, commands)) > 1 and all(labels_in(cell, "current") for cell in commands if cell):
-        used.add(rows[0][0])
+    while rows and (conditions := _conditions(rows[0][1])):
+        used.add(rows.pop(0)[0])
         now = ""
-        for k, cell in enumerate(commands):
+        for k, cell in enumerate(conditions):
             now = cell or now
             names[k] = f"{now}: {names[k]}" if now else names[k]
     said = (
@@ -226,6 +248,19 @@ def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     return Header(
         _apply_legend(tuple(names), said, [row for k, row in enumerate(table) if k not in used]), said
     )
+
+
+def _conditions(cells: Sequence[str]) -> list[str]:
+    """Return the conditions of the runs in a row above the names, empty for any other row.
+
+    The cells state current or temperature with its unit, or a label states them in front of the numbers.
+    """
+    label, unit = word_and_unit(cells[0])
+    if unit and not any(labels_in(cells[0], role) for role in CONDITIONS):
+        cells = ["", *(f"{label}: {cell} {unit}" if is_number(cell) else cell for cell in cells[1:])]
+    filled = [cell for cell in cells if cell]
+    are_conditions = any(all(labels_in(cell, role) for cell in filled) for role in CONDITIONS)
+    return [*cells] if len(filled) > 1 and are_conditions else []
 
 
 def _cells_above(line: str, delimiter: str, count: int) -> list[str]:

@@ -186,7 +186,7 @@ def _by_numbers(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
         number = int(numbered[2]) if numbered else section
         name = property_of(f"{numbered[1]} {numbered[3]}" if numbered else key)
         if number is not None and name:
-            found.setdefault(name, {})[number] = entry[2]
+            found.setdefault(name, {})[number] = entry[2].strip("\"'")
     for name, values in found.items():
         yield name, [values[number] for number in sorted(values)]
 
@@ -233,11 +233,16 @@ def _by_axes(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
 
 
 def _settings(rows: Sequence[Sequence[str]], lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
-    """Generate (label, values) from each row, column and entry above a table."""
+    """Generate (label, values) from each row, column and entry. The values are after the label.
+
+    The label of an entry is repeated with its section in front: ``[Sampling]`` above ``Step=2.5 ms``.
+    """
     yield from (*_by_channels(rows), *_by_axes(lines))
     for row, below in zip_longest(rows, rows[1:], fillvalue=()):
         if row and row[0]:
             yield row[0], [cell for cell in row[1:] if cell] or [*below[:1]]
+    section = ""
     for line in lines:
+        section = line.strip(" []") if line.lstrip().startswith("[") else section
         if entry := _ENTRY.fullmatch(line):
-            yield entry[1], [entry[2]]
+            yield from ((label, [entry[2].strip("\"'")]) for label in (entry[1], f"{section} {entry[1]}"))
