@@ -235,7 +235,7 @@ def with_runs_of_matrices(arrays: Sequence[StoredArray]) -> list[StoredArray]:
 
 
 def _means(name: str, role: str) -> bool:
-    word, unit = word_and_unit(name)
+    word, _ = word_and_unit(name)
     header = parse_header(name)
     return header[0] == role if header else speaks_of(word, role) or word == QUANTITIES[role].symbol
 

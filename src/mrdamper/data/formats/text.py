@@ -31,6 +31,7 @@ from mrdamper.data.formats.lines.encodings import (
 from mrdamper.data.formats.lines.header import (
     DELIMITERS,
     Header,
+    count_numbers,
     find_data,
     find_decimal,
     read_header,
@@ -47,6 +48,10 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import spell_unit
 
 _COUNT = re.compile(r"sample count\s*[:=]\s*(\d+)", re.IGNORECASE)
+_PAGE = re.compile(
+    r"\b(page|seite|blatt|pagina|página|strona|strana|стр\w*|lap|sida)\W*\d+(\W+\d+)?", re.IGNORECASE
+)
+_LONE_SIGN = re.compile(r"(^|\s)([+-])\s+(?=[\d.])")
 _HEAD_BYTES = 1 << 20
 _BLOCK_BYTES = 1 << 25
 
@@ -190,7 +195,11 @@ def _is_restated(line: str, own: Sequence[str]) -> bool:
 
 def _look(path: TextSource, options: FileOptions) -> _Found | Table:
     head = read_head(path)
-    turned = _transposed(path, head, options) or _without_notes_beside(path, head, options)
+    turned = (
+        _without_pages(path, head, options)
+        or _transposed(path, head, options)
+        or _without_notes_beside(path, head, options)
+    )
     if turned is not None:
         return turned
     delimiter, first = find_data(head.lines, options.delimiter)
@@ -209,6 +218,42 @@ def _look(path: TextSource, options: FileOptions) -> _Found | Table:
     decimal = options.decimal or find_decimal(path, head.lines[first:], delimiter)
     layout = Layout("delimited text", delimiter, decimal, first, notes=head.notes)
     return _Found(head.starts[first], header, layout, head.lines[:first], head.encoding)
+
+
+def _without_pages(path: TextSource, head: Head, options: FileOptions) -> Table | None:
+    """Return the table of a listing without repeated headings and without blanks after signs, else None.
+
+    A heading is repeated if it equals the heading before it, except for the number of the page.
+    """
+    joined = [_LONE_SIGN.sub(r"\1\2", line) for line in head.lines]
+    apart = [re.sub(r"(?<=\s)[+-](?=\s)", "0", line) for line in head.lines]
+    counts = [
+        {len(fields) for line in lines if 1 < count_numbers(fields := line.split()) == len(fields)}
+        for lines in (apart, joined)
+    ]
+    has_signs = joined != [*head.lines] and len(counts[1]) == 1 < len(counts[0])
+    if not has_signs and not any(_PAGE.search(line) for line in head.lines):
+        return None
+    lines = _content(path).decode(head.encoding).splitlines()
+    lines = [_LONE_SIGN.sub(r"\1\2", line) for line in lines] if has_signs else lines
+    delimiter, _ = find_data(lines[: SETTINGS.header_lines_max], options.delimiter)
+    kept: list[str] = []
+    heading: list[str] = []
+    last: list[list[str]] = []
+    for line in lines:
+        fields = split_line(line, delimiter)
+        if not line.strip() or count_numbers(fields) < max(len(fields), 2):
+            heading.append(line)
+            continue
+        words = [_PAGE.sub("", each).split() for each in heading if each.strip()]
+        kept += [] if words and words == last else heading
+        last, heading = words or last, []
+        kept.append(line)
+    if not has_signs and len(kept) + len(heading) == len(lines):
+        return None
+    source = TextInMemory(f"{path}", "\n".join([*kept, *heading, ""]).encode())
+    table = read_text(source, options)
+    return replace(table, layout=replace(table.layout, notes=(*table.layout.notes, "a listing with pages")))
 
 
 def _transposed(path: TextSource, head: Head, options: FileOptions) -> Table | None:

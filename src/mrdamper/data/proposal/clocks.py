@@ -229,7 +229,7 @@ def _with_slow_channels(table: Table, time: str) -> Table:
         names=(*table.names, *added),
         columns=columns,
         clocks={name: clocks[name] for name in (*added, *clocks)},  # A clock begins with its time column.
-        units={**table.units, **({name: table.units[time] for name in added} if time in table.units else {})},
+        units={**table.units, **(dict.fromkeys(added, table.units[time]) if time in table.units else {})},
     )
 
 

@@ -23,6 +23,7 @@ from types import MappingProxyType
 from typing import IO, Any
 
 from mrdamper.data.formats.excel import ZIP_SIGNATURE
+from mrdamper.data.formats.lines.cells import is_number
 from mrdamper.data.formats.lines.encodings import encoding_of, open_text_bytes
 from mrdamper.data.formats.lines.header import DELIMITERS, find_data, holds_samples
 from mrdamper.data.formats.settings import SETTINGS
@@ -119,8 +120,11 @@ def _unpack(file: Path, space: Path) -> list[Path]:
 
 
 def _is_archive(file: Path) -> bool:
-    is_packed = is_file(file) and _head(file).startswith(_ARCHIVES)
-    return is_packed and file.suffix.lower() not in format_suffixes()
+    return is_file(file) and _is_packed(_head(file)) and file.suffix.lower() not in format_suffixes()
+
+
+def _is_packed(head: bytes) -> bool:
+    return head.startswith(_ARCHIVES) or head[257:262] == b"ustar"
 
 
 def own_name(file: Path) -> str:
@@ -197,8 +201,13 @@ def format_suffixes() -> set[str]:
 def _files_below(folder: Path, depth: int = SETTINGS.folder_depth_max) -> Iterator[Path]:
     """Generate files that may contain runs: in the folder, then in its subfolders."""
     entries = sorted(each for each in folder.iterdir() if not each.name.startswith((".", "~$")))
-    for file in entries:
-        if file.is_file() and file.name not in _RESULTS and _may_hold_runs(file):
+    files = [file for file in entries if file.is_file() and file.name not in _RESULTS]
+    unknown = [file for file in files if file.suffix and file.suffix.lower() not in format_suffixes()]
+    columns = [file for file in unknown if _is_column(file)]
+    often = Counter(file.stem for file in columns)
+    for file in files:
+        # The endings of files with equal names may name their channels: m01.dsp, m01.frc.
+        if (file in columns and often[file.stem] > 1) or _may_hold_runs(file):
             yield file
     for inner in entries:
         if (
@@ -208,6 +217,14 @@ def _files_below(folder: Path, depth: int = SETTINGS.folder_depth_max) -> Iterat
             and not any((inner / name).is_file() for name in _RESULTS)
         ):
             yield from _files_below(inner, depth - 1)
+
+
+def _is_column(file: Path) -> bool:
+    """Return True if a text consists of numbers in one column below lines of words."""
+    if b"\0" in _head(file)[:512]:
+        return False
+    are_numbers = [is_number(line.strip()) for line in _text(file).splitlines() if line.strip()]
+    return sum(are_numbers) > 1 and all(are_numbers[are_numbers.index(True) : -1])
 
 
 def _may_hold_runs(file: Path) -> bool:
@@ -227,7 +244,7 @@ def _may_hold_runs(file: Path) -> bool:
         return b'"schema_version"' not in head[:512]
     formats = [known for known in FORMATS if known.recognises(head[:512])]
     if not formats or formats[0].read is not read_text:
-        return bool(formats) or head.startswith(_ARCHIVES) or (suffix == ".txt" and b"\0" in head)
+        return bool(formats) or _is_packed(head) or (suffix == ".txt" and b"\0" in head)
     lines = _text(file).splitlines()
     if is_known:
         return (

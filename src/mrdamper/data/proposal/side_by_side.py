@@ -163,7 +163,7 @@ def _is_time(name: str) -> bool:
 
 
 def _width_below_currents(names: Sequence[str], above: Sequence[str]) -> int | None:
-    """Return the number of columns of each run if the same columns are below each stated current, else None."""
+    """Return the number of columns of each run, None unless the same columns are below each current."""
     groups = [
         [name for _, name in group] for _, group in groupby(zip(above, names, strict=True), itemgetter(0))
     ]

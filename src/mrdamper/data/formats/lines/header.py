@@ -13,7 +13,7 @@ from mrdamper.data.formats.clocks import Sampling
 from mrdamper.data.formats.groups import attribute_lines
 from mrdamper.data.formats.lines.cells import is_number, number_in
 from mrdamper.data.formats.lines.encodings import TextSource
-from mrdamper.data.formats.lines.properties import find_properties, property_of
+from mrdamper.data.formats.lines.properties import find_properties, name_in, property_of
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import MISSING_MARKS
 from mrdamper.data.formats.timestamps import days_of, is_time
@@ -94,7 +94,7 @@ def _describes_one_channel(lines: Sequence[str]) -> bool:
     """Return True if the lines above a table state one name and one unit as entries ``Unit: kN``."""
     entries = [cells for line in lines if len(cells := _PAIR.split(line.strip(), maxsplit=1)) == 2]
     values = {property_of(name): value.strip() for name, value in entries if value.strip()}
-    return {"name", "unit"} <= values.keys() and is_any_unit(values["unit"])
+    return ("name" in values or name_in(lines) != "") and is_any_unit(values.get("unit", ""))
 
 
 def holds_samples(lines: Sequence[str], delimiter: str) -> bool:

@@ -73,6 +73,13 @@ def property_of(text: str) -> str:
     return ""
 
 
+def name_in(lines: Sequence[str]) -> str:
+    """Return the name of the only channel, from a line that is not an entry and names a quantity, else ""."""
+    words = [re.split(r"[,;(]", line)[0].strip(" #%/!") for line in lines if not re.search("[:=]", line)]
+    names = [word for word in words if len(word.split()) <= 6 and _names_quantity(word)]
+    return names[0] if len(names) == 1 else ""
+
+
 def find_properties(
     rows: Sequence[Sequence[str]], lines: Sequence[str], first: Sequence[str]
 ) -> Properties | None:
@@ -91,6 +98,8 @@ def find_properties(
     for name, values in (*labelled, *_by_units(rows, count)):
         if name in stated and not (name == "name" and any(map(_is_number, values))):
             stated[name].append([*values])
+    if count == 1 and not stated["name"]:
+        stated["name"] = [[name] for name in [name_in(lines)] if name]
     found: dict[str, list[str]] = {}
     for size in range(count, max(count - 3, 0), -1):
         fitting = {name: [each for each in lists if len(each) == size] for name, lists in stated.items()}
@@ -110,8 +119,8 @@ def find_properties(
         return None
     settings: dict[str, str] = {}
     for label, values in _settings(rows, lines):
-        if len({*values}) == 1:
-            settings.setdefault(label, values[0])
+        if len({*values}) == 1:  # The only channel of a file has no other step than the time step.
+            settings.setdefault(f"sampling {label}" if count == 1 else label, values[0])
     units_of_time = [value for label, value in settings.items() if property_of(label) == "x unit"]
     if units_of_time:
         settings |= {f"{label}_unit": units_of_time[0] for label in settings}
