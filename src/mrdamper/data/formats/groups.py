@@ -12,7 +12,7 @@ from mrdamper.data.formats.clocks import is_same_clock, is_setting_of_time, stat
 from mrdamper.data.formats.lines.cells import number_in
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import SKIPPED, Layout, OnUse, Table, as_text, require_room, shortest_names
-from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
+from mrdamper.data.words.headers import means, parse_header, speaks_of, word_and_unit
 from mrdamper.quantities import QUANTITIES, roles_of_unit
 
 _SAMPLES = frozenset({"data", "values", "value", "y", "samples", "signal"})
@@ -219,10 +219,10 @@ def with_runs_of_matrices(arrays: Sequence[StoredArray]) -> list[StoredArray]:
         if line := _LINE_OF_MATRIX.fullmatch(each.name):
             matrices.setdefault((*each.path[:-1], line[2]), []).append(each)
     shapes = {(len(lines), lines[0].size) for lines in matrices.values()}
-    roles = {role for *_, name in matrices for role in QUANTITIES if _means(name, role)}
+    roles = {role for *_, name in matrices for role in QUANTITIES if means(name, role)}
     count, size = next(iter(shapes), (0, 0))
     has_currents = bool(roles & _COMMANDS) or any(
-        each.size == count and any(_means(each.name, role) for role in _COMMANDS) for each in arrays
+        each.size == count and any(means(each.name, role) for role in _COMMANDS) for each in arrays
     )
     if len(shapes) != 1 or len(matrices) != len(roles) or len(roles) < 2 or not has_currents or count == size:
         return [*arrays]
@@ -232,12 +232,6 @@ def with_runs_of_matrices(arrays: Sequence[StoredArray]) -> list[StoredArray]:
         shared = (each for each in arrays if each.size == size and not _LINE_OF_MATRIX.fullmatch(each.name))
         found += [replace(each, path=(f"run {k + 1}", each.name)) for each in shared]
     return found
-
-
-def _means(name: str, role: str) -> bool:
-    word, _ = word_and_unit(name)
-    header = parse_header(name)
-    return header[0] == role if header else speaks_of(word, role) or word == QUANTITIES[role].symbol
 
 
 def is_in_part(path: Sequence[str], part: str) -> bool:

@@ -17,7 +17,7 @@ from mrdamper.data.formats.groups import attribute_lines
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Table
 from mrdamper.data.proposal.clocks import unit_by_magnitude
-from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
+from mrdamper.data.words.headers import means, word_and_unit
 from mrdamper.data.words.labels import labels_in
 from mrdamper.quantities import QUANTITIES, roles_of_unit, to_si
 
@@ -82,11 +82,11 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
         name
         for name, kind in kinds.items()
         if 2 <= len(kind) <= SETTINGS.table_columns_max
-        and len({role for role in QUANTITIES if any(_means(name or "", role) for name in kind)}) > 1
+        and len({role for role in QUANTITIES if any(means(name or "", role) for name in kind)}) > 1
     ]
     of_time = {name for name in table.columns if "time" in roles_of_unit(word_and_unit(name)[1])}
     varying = [name for name, values in table.columns.items() if len({*values[np.isfinite(values)]}) > 1]
-    times = [name for name in varying if _means(name, "time") or name in {*of_time, *table.stamps}]
+    times = [name for name in varying if means(name, "time") or name in {*of_time, *table.stamps}]
     if len(named) != 1 or len(times) != 1:
         return (table,)
     channels = np.array(table.texts[named[0]])
@@ -129,12 +129,6 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
         )
         runs.append(with_times(plain, {name: seconds[there] for name, there in rows.items()}))
     return tuple(runs)
-
-
-def _means(name: str, role: str) -> bool:
-    """Return True if a name contains a role, such as ``Force`` or ``rod_force``."""
-    header = parse_header(name)
-    return header[0] == role if header else speaks_of(name, role)
 
 
 def is_counter(values: FloatArray) -> bool:

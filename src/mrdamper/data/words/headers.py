@@ -153,6 +153,16 @@ def speaks_of(word: str, role: str) -> bool:
     return False
 
 
+def means(name: str, role: str) -> bool:
+    """Return True if a channel is named after a role, as ``Force``, ``rod_force`` or ``F_N``."""
+    word, unit = word_and_unit(name)
+    header = parse_header(name)
+    own = QUANTITIES[role].symbol
+    return (
+        header[0] == role if header else word == own or role in roles_of_unit(unit) or speaks_of(word, role)
+    )
+
+
 def begins_with_symbol(word: str, role: str) -> bool:
     """Return True if a header's word begins with the symbol of a role, as in ``i_cmd`` or ``F meas``."""
     parts = _split_words(word).split()

@@ -255,8 +255,8 @@ def _conditions(cells: Sequence[str]) -> list[str]:
 
     The cells state current or temperature with its unit, or a label states them in front of the numbers.
     """
-    label, unit = word_and_unit(cells[0])
-    if unit and not any(labels_in(cells[0], role) for role in CONDITIONS):
+    if not any(labels_in(cells[0], role) for role in CONDITIONS):
+        label, unit = word_and_unit(cells[0])
         cells = ["", *(f"{label}: {cell} {unit}" if is_number(cell) else cell for cell in cells[1:])]
     filled = [cell for cell in cells if cell]
     are_conditions = any(all(labels_in(cell, role) for cell in filled) for role in CONDITIONS)
