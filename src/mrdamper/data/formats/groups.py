@@ -16,8 +16,7 @@ from mrdamper.data.words.headers import means, parse_header, speaks_of, word_and
 from mrdamper.quantities import QUANTITIES, roles_of_unit
 
 _SAMPLES = frozenset({"data", "values", "value", "y", "samples", "signal"})
-_LINE_OF_MATRIX = re.compile(r"column (\d+) of (.*)")
-_COMMANDS = frozenset({"current", "voltage"})
+_LINE_OF_MATRIX = re.compile(r"column \d+ of (.*)")
 UNIT_NAMES = ("unit", "units", "Unit", "Units")
 
 
@@ -214,24 +213,22 @@ def with_runs_of_matrices(arrays: Sequence[StoredArray]) -> list[StoredArray]:
     of this shape contains currents, or if an array has one current for each line. Arrays with the length of
     the lines, such as common times, are in each group.
     """
-    matrices: dict[tuple[str, ...], list[StoredArray]] = {}
+    matrices: dict[str, list[StoredArray]] = {}
     for each in arrays:
         if line := _LINE_OF_MATRIX.fullmatch(each.name):
-            matrices.setdefault((*each.path[:-1], line[2]), []).append(each)
-    shapes = {(len(lines), lines[0].size) for lines in matrices.values()}
-    roles = {role for *_, name in matrices for role in QUANTITIES if means(name, role)}
-    count, size = next(iter(shapes), (0, 0))
-    has_currents = bool(roles & _COMMANDS) or any(
-        each.size == count and any(means(each.name, role) for role in _COMMANDS) for each in arrays
-    )
-    if len(shapes) != 1 or len(matrices) != len(roles) or len(roles) < 2 or not has_currents or count == size:
+            matrices.setdefault(line[1], []).append(each)
+    count, size = next(((len(lines), lines[0].size) for lines in matrices.values()), (0, 0))
+    roles = {role for name in matrices for role in QUANTITIES if means(name, role)}
+    lists = [each.name for each in arrays if each.size == count]
+    has_currents = any(means(name, role) for name in (*matrices, *lists) for role in ("current", "voltage"))
+    is_equal = all((len(lines), lines[0].size) == (count, size) for lines in matrices.values())
+    if not (is_equal and has_currents and len(matrices) == len(roles) > 1 and count != size):
         return [*arrays]
-    found = [each for each in arrays if each.size != size]
-    for k in range(count):
-        found += [replace(lines[k], path=(f"run {k + 1}", path[-1])) for path, lines in matrices.items()]
-        shared = (each for each in arrays if each.size == size and not _LINE_OF_MATRIX.fullmatch(each.name))
-        found += [replace(each, path=(f"run {k + 1}", each.name)) for each in shared]
-    return found
+    shared = [each for each in arrays if each.size == size and not _LINE_OF_MATRIX.fullmatch(each.name)]
+    runs = [(f"run {k + 1}", name, lines[k]) for k in range(count) for name, lines in matrices.items()]
+    runs += [(f"run {k + 1}", each.name, each) for k in range(count) for each in shared]
+    others = [each for each in arrays if each.size != size]
+    return [*others, *(replace(each, path=(run, name)) for run, name, each in runs)]
 
 
 def is_in_part(path: Sequence[str], part: str) -> bool:

@@ -48,10 +48,7 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import spell_unit
 
 _COUNT = re.compile(r"sample count\s*[:=]\s*(\d+)", re.IGNORECASE)
-_PAGE = re.compile(
-    r"\b(page|seite|blatt|pagina|página|strona|strana|стр\w*|lap|sida)\W*\d+(\W+\d+)?", re.IGNORECASE
-)
-_LONE_SIGN = re.compile(r"(^|\s)([+-])\s+(?=[\d.])")
+_LONE_SIGN = re.compile(r"(^|\s)([+-])[ \t]+(?=[\d.])")
 _HEAD_BYTES = 1 << 20
 _BLOCK_BYTES = 1 << 25
 
@@ -151,6 +148,8 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
         _content(path), found.start, layout.header_lines or 0, layout.delimiter, found.encoding
     )
     long = [block for block in blocks if block.rows >= SETTINGS.table_rows_min]
+    headings = {block.above[-1] for block in long if block.above}  # The last page of a listing may be short.
+    long = [block for block in blocks if block in long or headings.intersection(block.above[-1:])]
     if not long or (len(blocks) == 1 and not trailer):
         return None
     notes, header, above = layout.notes, found.header, [line for line in found.above if line.strip()]
@@ -195,11 +194,8 @@ def _is_restated(line: str, own: Sequence[str]) -> bool:
 
 def _look(path: TextSource, options: FileOptions) -> _Found | Table:
     head = read_head(path)
-    turned = (
-        _without_pages(path, head, options)
-        or _transposed(path, head, options)
-        or _without_notes_beside(path, head, options)
-    )
+    forms = (_with_joined_signs, _transposed, _without_notes_beside)
+    turned = next((table for form in forms if (table := form(path, head, options)) is not None), None)
     if turned is not None:
         return turned
     delimiter, first = find_data(head.lines, options.delimiter)
@@ -220,40 +216,22 @@ def _look(path: TextSource, options: FileOptions) -> _Found | Table:
     return _Found(head.starts[first], header, layout, head.lines[:first], head.encoding)
 
 
-def _without_pages(path: TextSource, head: Head, options: FileOptions) -> Table | None:
-    """Return the table of a listing without repeated headings and without blanks after signs, else None.
+def _with_joined_signs(path: TextSource, head: Head, options: FileOptions) -> Table | None:
+    """Return the table of a text with blanks between signs and digits, else None.
 
-    A heading is repeated if it equals the heading before it, except for the number of the page.
+    A sign may also be a mark of a missing value. All rows then have the same number of cells with it.
     """
     joined = [_LONE_SIGN.sub(r"\1\2", line) for line in head.lines]
     apart = [re.sub(r"(?<=\s)[+-](?=\s)", "0", line) for line in head.lines]
-    counts = [
+    counts, others = (
         {len(fields) for line in lines if 1 < count_numbers(fields := line.split()) == len(fields)}
-        for lines in (apart, joined)
-    ]
-    has_signs = joined != [*head.lines] and len(counts[1]) == 1 < len(counts[0])
-    if not has_signs and not any(_PAGE.search(line) for line in head.lines):
+        for lines in (joined, apart)
+    )
+    if not len(counts) == 1 < len(others):
         return None
-    lines = _content(path).decode(head.encoding).splitlines()
-    lines = [_LONE_SIGN.sub(r"\1\2", line) for line in lines] if has_signs else lines
-    delimiter, _ = find_data(lines[: SETTINGS.header_lines_max], options.delimiter)
-    kept: list[str] = []
-    heading: list[str] = []
-    last: list[list[str]] = []
-    for line in lines:
-        fields = split_line(line, delimiter)
-        if not line.strip() or count_numbers(fields) < max(len(fields), 2):
-            heading.append(line)
-            continue
-        words = [_PAGE.sub("", each).split() for each in heading if each.strip()]
-        kept += [] if words and words == last else heading
-        last, heading = words or last, []
-        kept.append(line)
-    if not has_signs and len(kept) + len(heading) == len(lines):
-        return None
-    source = TextInMemory(f"{path}", "\n".join([*kept, *heading, ""]).encode())
-    table = read_text(source, options)
-    return replace(table, layout=replace(table.layout, notes=(*table.layout.notes, "a listing with pages")))
+    text = _content(path).decode(head.encoding).replace("\f", "\n")
+    source = TextInMemory(f"{path}", _LONE_SIGN.sub(r"\1\2", text).encode())
+    return read_text(source, options)
 
 
 def _transposed(path: TextSource, head: Head, options: FileOptions) -> Table | None:

@@ -15,7 +15,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import Finding
-from mrdamper.data.formats.clocks import stated_sampling
+from mrdamper.data.formats.clocks import stated_sampling, with_times
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Moment, Table
 from mrdamper.data.formats.timestamps import DAY_S, date_in, start_in
@@ -208,29 +208,18 @@ def _with_slow_channels(table: Table, time: str) -> Table:
 
     At least half of the cells of such a column are blank, and its samples have equal steps of time.
     """
-    times = table.columns[time]
-    if table.clocks or not np.isfinite(times).all():
-        return table
-    columns, clocks = dict(table.columns), dict.fromkeys([time, *table.columns], 0)
-    numbers: dict[bytes, int] = {}  # rows with samples -> number of the clock
-    for name, values in table.columns.items():
-        there = np.isfinite(values)
-        steps = np.diff(times[there]) if len(values) == len(times) else np.empty(0)
+    seconds, columns = _seconds(table, time), dict(table.columns)
+    times = {name: seconds for name, values in columns.items() if len(values) == len(seconds)}
+    for name in times if not table.clocks and np.isfinite(seconds).all() else ():
+        there = np.isfinite(columns[name])
+        steps = np.diff(seconds[there])
         # Rounded times and one row more or less between two samples change a step by less than a half.
         if len(steps) > 1 and 2 * there.sum() <= len(there) + 1 and np.ptp(steps) < 0.5 * np.median(steps):
-            number = numbers.setdefault(there.tobytes(), len(numbers) + 1)
-            columns[name], columns[f"{time} ({number + 1})"] = values[there], times[there]
-            clocks |= {f"{time} ({number + 1})": number, name: number}
-    if not numbers:
+            columns[name], times[name] = columns[name][there], seconds[there]
+    if all(own is seconds for own in times.values()):
         return table
-    added = [name for name in columns if name not in table.columns]
-    return replace(
-        table,
-        names=(*table.names, *added),
-        columns=columns,
-        clocks={name: clocks[name] for name in (*added, *clocks)},  # A clock begins with its time column.
-        units={**table.units, **(dict.fromkeys(added, table.units[time]) if time in table.units else {})},
-    )
+    del times[time]
+    return replace(with_times(replace(table, columns=columns), times), recorded_apart=False)
 
 
 def stated_step(table: Table, chosen: ChannelMap, place: str) -> tuple[float | None, tuple[float, ...]]:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import groupby
-from operator import itemgetter
 
 import numpy as np
 
@@ -30,7 +28,7 @@ def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
 
     A table contains several runs if the names of its columns repeat, apart from numbers appended by the
     reader, and if each repetition has one time column. The first column may be the time of all runs if
-    different currents are stated above them. The title of a run is the title of the table and the
+    a current is stated above each other column. The title of a run is the title of the table and the
     text above the names (``0.5 A: F [N]``). Empty columns between runs are removed. The table is not divided
     if a channel map names a column that is not among the repeated names.
     """
@@ -39,16 +37,15 @@ def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
     filled = [name for name in table.names if _split_name(name)[1] or np.isfinite(table.columns[name]).any()]
     split = [_split_name(name) for name in filled]
     above, names = [title for title, _ in split], [name for _, name in split]
-    width, time = _width(names), []
-    if width is None and names and not above[0] and _is_time(names[0]):
-        width, time = _width_below_currents(names[1:], above[1:]), filled[:1]
-        names = names[1:]
+    width, time = _width(names), filled[:0]
+    has_currents = all(len(labels_in(text, "current")) == 1 for text in above[1:])
+    if width is None and above[:1] == [""] and has_currents:
+        width, time, names = _width(names[1:], common=1), filled[:1], names[1:]
     wanted = [channel.name for channel in chosen.channels.values()]
     if width is None or any(name not in [*time, *names[:width]] for name in wanted):
         return (table,)
-    filled, above = filled[len(time) :], above[len(time) :]
     runs = []
-    for first in range(0, len(names), width):
+    for first in range(len(time), len(filled), width):
         own = filled[first : first + width]
         columns = {name: table.columns[old] for name, old in zip(names[:width], own, strict=True)}
         known = np.flatnonzero(np.any([np.isfinite(values) for values in columns.values()], axis=0))
@@ -142,25 +139,11 @@ def _split_name(name: str) -> tuple[str, str]:
     return above if colon else "", _COUNTED.sub("", own)
 
 
-def _width(names: Sequence[str]) -> int | None:
-    """Return the number of columns of each run, None if the table has a single run."""
-    for width in range(3, len(names) // 2 + 1):  # A run has time, motion and force.
+def _width(names: Sequence[str], common: int = 0) -> int | None:
+    """Return the number of columns of each run (without ``common`` columns of all runs), None for one run."""
+    for width in range(3 - common, len(names) // 2 + 1):  # A run has at least three columns.
         if len(names) % width or any(name != names[k % width] for k, name in enumerate(names)):
             continue
-        times = [name for name in names[:width] if _is_time(name)]
-        return width if len(times) == 1 and len(set(names[:width])) == width else None
+        times = [name for name in names[:width] if "time" in roles_of_unit(word_and_unit(name)[1])]
+        return width if len(times) + common == 1 and len(set(names[:width])) == width else None
     return None
-
-
-def _is_time(name: str) -> bool:
-    return "time" in roles_of_unit(word_and_unit(name)[1])
-
-
-def _width_below_currents(names: Sequence[str], above: Sequence[str]) -> int | None:
-    """Return the number of columns of each run, None unless the same columns are below each current."""
-    groups = [
-        [name for _, name in group] for _, group in groupby(zip(above, names, strict=True), itemgetter(0))
-    ]
-    are_runs = len(groups) > 1 and all(len(labels_in(text, "current")) == 1 for text in above)
-    is_once = are_runs and len({*groups[0]}) == len(groups[0]) > 1 and not any(map(_is_time, groups[0]))
-    return len(groups[0]) if is_once and all(group == groups[0] for group in groups) else None

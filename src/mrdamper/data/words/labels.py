@@ -171,32 +171,25 @@ def scales_in(line: str) -> tuple[tuple[float, str], ...]:
     return tuple(scales)
 
 
-def span_in(line: str) -> tuple[float, float, str, str] | None:
-    """Return factor, offset, raw unit and unit of a span with both ends, else None.
+def span_in(line: str) -> tuple[str, float, float, str, str] | None:
+    """Return the text before a span with both ends, its factor, offset, raw unit and unit, else None.
 
     An example is ``0 % = -40 mm ; 100 % = +40 mm``.
     """
-    points = [(number.replace(" ", ""), *rest) for number, *rest in _POINT_OF_SPAN.findall(line)]
-    if len(points) != 2 or len({(raw, unit) for _, raw, _, unit in points}) != 1:
+    points = [*_POINT_OF_SPAN.finditer(line)]
+    if len(points) != 2 or len({(point[2], point[4]) for point in points}) != 1:
         return None
-    (a, raw, b, unit), (c, _, d, _) = points
-    low, high = _to_float(a), _to_float(c)
-    begin, end = (_to_float(each.replace(" ", "")) for each in (b, d))
+    (low, high), (begin, end) = ([_to_float(point[k].replace(" ", "")) for point in points] for k in (1, 3))
     if low == high or begin == end:
         return None
     factor = (end - begin) / (high - low)
-    return factor, begin - factor * low, raw, unit
-
-
-def without_span(name: str) -> str:
-    """Return the name of a column without the span behind it."""
-    point = _POINT_OF_SPAN.search(name) if span_in(name) else None
-    return name if point is None else name[: point.start()].strip(" ;,:([")
+    before = line[: points[0].start()].strip(" ;,:([")
+    return before, factor, begin - factor * low, points[0][2], points[0][4]
 
 
 def ranges_in(line: str) -> tuple[tuple[float, str], ...]:
     """Return the ranges in a line as (number, unit), such as ``Range force: 5 kN`` or ``100 % = 2 A``."""
-    if (span := span_in(line)) is not None and span[1] != 0.0:
+    if (span := span_in(line)) is not None and span[2] != 0.0:
         return ()
     found = _RANGE_OF.findall(line) if re.search(_RANGE_WORDS, line, re.IGNORECASE) else []
     return tuple((_to_float(number), unit) for number, unit in found)

@@ -18,7 +18,7 @@ from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import MISSING_MARKS
 from mrdamper.data.formats.timestamps import days_of, is_time
 from mrdamper.data.words.headers import are_all_per_cent, is_per_cent, parse_header, speaks_of, word_and_unit
-from mrdamper.data.words.labels import CONDITIONS, labels_in, span_in, without_span
+from mrdamper.data.words.labels import CONDITIONS, labels_in, span_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, is_any_unit, roles_of_unit
 
@@ -165,14 +165,12 @@ def _with_spans(header: Header) -> Header:
     spans: dict[str, tuple[float, float]] = {}
     is_in_per_cent = any(map(are_all_per_cent, header.said))
     for k, name in enumerate(names):
-        base = names[k] = without_span(name)
+        base = names[k] = (span_in(name) or (name,))[0]
         word = re.sub(r"\s*[\[(][^\])]*[\])]$", "", base)
         own = base[len(word) :].strip(" []()")
         lines = [line for line in header.said if re.search(rf"(?<!\w){re.escape(word)}(?!\w)", line)]
-        found = {span for line in (name, *lines) if word and (span := span_in(line)) is not None}
-        if len(found) != 1:
-            continue
-        factor, offset, raw, unit = found.pop()
+        found = {span[1:] for line in (name, *lines) if word and (span := span_in(line)) is not None}
+        factor, offset, raw, unit = found.pop() if len(found) == 1 else (1.0, 0.0, "", "")
         is_raw = own == raw or (raw == "%" and (is_per_cent(own) or (is_in_per_cent and not own)))
         if is_raw and roles_of_unit(unit):
             names[k] = f"{word} [{unit}]"

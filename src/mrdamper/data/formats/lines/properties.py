@@ -216,7 +216,11 @@ def _by_units(rows: Sequence[Sequence[str]], count: int) -> Iterator[tuple[str, 
         tables.append([(label, [*cells]) for label, cells in zip(labels, columns, strict=False)])
         around.append([*above, *below])
     for table, others in zip(tables, around, strict=True):
-        are_units = [all(map(is_any_unit, cells)) and any(map(roles_of_unit, cells)) for _, cells in table]
+        are_units = [
+            all(is_any_unit(cell) and not _is_number(cell) for cell in cells)
+            and any(map(roles_of_unit, cells))
+            for _, cells in table
+        ]
         unit = are_units.index(True) if any(are_units) else None
         if unit is None or any(roles_of_unit(row[unit]) for row in others if len(row) > unit):
             continue  # A row next to the table has a unit: the table has more than ``count`` rows.
@@ -242,10 +246,7 @@ def _by_axes(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
 
 
 def _settings(rows: Sequence[Sequence[str]], lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
-    """Generate (label, values) from each row, column and entry. The values are after the label.
-
-    The label of an entry is repeated with its section in front: ``[Sampling]`` above ``Step=2.5 ms``.
-    """
+    """Generate (label, values) from rows, columns and entries, whose labels may include their section."""
     yield from (*_by_channels(rows), *_by_axes(lines))
     for row, below in zip_longest(rows, rows[1:], fillvalue=()):
         if row and row[0]:
