@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 import itertools
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 
@@ -116,21 +116,20 @@ def _table(path: TextSource, found: _Found, stop: int | None = None) -> Table:
         )
     if header.sampling is not None:
         table = with_samplings(table, dict.fromkeys(table.columns, header.sampling))
-    ends = {
-        name: table.columns[name] * a + b for name, (a, b) in header.spans.items() if name in table.columns
-    }
-    if ends:
-        notes = (*table.layout.notes, f"converted from the stated spans: {', '.join(ends)}")
-        columns = {**table.columns, **ends}
-        table = replace(table, columns=columns, layout=replace(table.layout, notes=notes))
+    table = _converted(table, header.spans, "per cent or volts converted with the spans above the table")
     if not header.scales:
         return table
     scaled = {name: scale for name, scale in header.scales.items() if name in table.columns}
     if len(scaled) < 2 or any((table.columns[name] % 1.0).any() for name in scaled):
         return replace(table, scales={name: factor for name, (factor, _) in scaled.items()})
-    columns = {**table.columns, **{name: table.columns[name] * a + b for name, (a, b) in scaled.items()}}
-    notes = (*table.layout.notes, "counts multiplied by the factors above the table")
-    return replace(table, columns=columns, layout=replace(table.layout, notes=notes))
+    return _converted(table, scaled, "counts multiplied by the factors above the table")
+
+
+def _converted(table: Table, scales: Mapping[str, tuple[float, float]], note: str) -> Table:
+    """Return a table with some columns multiplied by a factor and shifted by an offset."""
+    columns = {name: table.columns[name] * a + b for name, (a, b) in scales.items() if name in table.columns}
+    notes = (*table.layout.notes, note) if columns else table.layout.notes
+    return replace(table, columns={**table.columns, **columns}, layout=replace(table.layout, notes=notes))
 
 
 def _content(path: TextSource) -> bytes:

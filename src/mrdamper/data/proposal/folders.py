@@ -202,13 +202,12 @@ def _files_below(folder: Path, depth: int = SETTINGS.folder_depth_max) -> Iterat
     """Generate files that may contain runs: in the folder, then in its subfolders."""
     entries = sorted(each for each in folder.iterdir() if not each.name.startswith((".", "~$")))
     files = [file for file in entries if file.is_file() and file.name not in _RESULTS]
-    unknown = [file for file in files if file.suffix and file.suffix.lower() not in format_suffixes()]
-    columns = [file for file in unknown if _is_column(file)]
+    # The endings of files with equal names may name their channels: m01.dsp, m01.frc.
+    columns = [
+        file for file in files if file.suffix.lower() not in {"", *format_suffixes()} and _is_column(file)
+    ]
     often = Counter(file.stem for file in columns)
-    for file in files:
-        # The endings of files with equal names may name their channels: m01.dsp, m01.frc.
-        if (file in columns and often[file.stem] > 1) or _may_hold_runs(file):
-            yield file
+    yield from (file for file in files if (file in columns and often[file.stem] > 1) or _may_hold_runs(file))
     for inner in entries:
         if (
             depth

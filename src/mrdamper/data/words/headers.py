@@ -156,11 +156,9 @@ def speaks_of(word: str, role: str) -> bool:
 def means(name: str, role: str) -> bool:
     """Return True if a channel is named after a role, as ``Force``, ``rod_force`` or ``F_N``."""
     word, unit = word_and_unit(name)
+    is_symbol = word == QUANTITIES[role].symbol or role in roles_of_unit(unit)
     header = parse_header(name)
-    own = QUANTITIES[role].symbol
-    return (
-        header[0] == role if header else word == own or role in roles_of_unit(unit) or speaks_of(word, role)
-    )
+    return header[0] == role if header else is_symbol or speaks_of(word, role)
 
 
 def begins_with_symbol(word: str, role: str) -> bool:

@@ -142,40 +142,30 @@ def _is_word(cell: str) -> bool | None:
 def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     """Return the header above the row with index ``first``: the names of the columns, and the other lines.
 
-    If all channels are in per cent of their ranges, the units of the ranges are replaced by ``%``.
+    Columns in per cent, V or mA whose span has two stated ends get the unit of the span. Any other unit next
+    to a name is the unit of the range if all channels are in per cent.
     """
-    header = _with_spans(_read_header(lines, first, delimiter))
-    if not any(map(are_all_per_cent, header.said)):
-        return header
-    split = [(name, *word_and_unit(name)) for name in header.names]
-    roles = {*QUANTITIES} - {"time"}
-    names = [
-        f"{word} [%]"
-        if name not in header.spans
-        and (roles & {*roles_of_unit(unit)} or any(speaks_of(word, role) for role in roles))
-        else name
-        for name, word, unit in split
-    ]
-    return replace(header, names=tuple(names), scales={})
-
-
-def _with_spans(header: Header) -> Header:
-    """Return the header with the units of columns in per cent, V or mA whose span has two stated ends."""
-    names = [*header.names]
-    spans: dict[str, tuple[float, float]] = {}
-    is_in_per_cent = any(map(are_all_per_cent, header.said))
+    header = _read_header(lines, first, delimiter)
+    in_per_cent = any(map(are_all_per_cent, header.said))
+    names, spans = [*header.names], {}
     for k, name in enumerate(names):
         base = names[k] = (span_in(name) or (name,))[0]
         word = re.sub(r"\s*[\[(][^\])]*[\])]$", "", base)
         own = base[len(word) :].strip(" []()")
-        lines = [line for line in header.said if re.search(rf"(?<!\w){re.escape(word)}(?!\w)", line)]
-        found = {span[1:] for line in (name, *lines) if word and (span := span_in(line)) is not None}
+        said = [line for line in header.said if re.search(rf"(?<!\w){re.escape(word)}(?!\w)", line)]
+        found = {span[1:] for line in (name, *said) if word and (span := span_in(line)) is not None}
         factor, offset, raw, unit = found.pop() if len(found) == 1 else (1.0, 0.0, "", "")
-        is_raw = own == raw or (raw == "%" and (is_per_cent(own) or (is_in_per_cent and not own)))
+        is_raw = own == raw or (raw == "%" and (is_per_cent(own) or (in_per_cent and not own)))
         if is_raw and roles_of_unit(unit):
             names[k] = f"{word} [{unit}]"
             spans[names[k]] = factor, offset
-    return replace(header, names=tuple(names), spans=spans)
+            continue
+        word, own = word_and_unit(base)
+        roles = [role for role in QUANTITIES if role in roles_of_unit(own) or speaks_of(word, role)]
+        if in_per_cent and {*roles} - {"time"}:
+            names[k] = f"{word} [%]"
+    scales = {} if in_per_cent else header.scales
+    return replace(header, names=tuple(names), scales=scales, spans=spans)
 
 
 def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
