@@ -23,6 +23,7 @@ from mrdamper.data.proposal.roles import scaled_column
 from mrdamper.data.proposal.side_by_side import is_counter
 from mrdamper.data.tables import read_tables
 from mrdamper.data.words.headers import strip_channel
+from mrdamper.data.words.labels import rates_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, to_si
 
@@ -49,11 +50,15 @@ def join_channel_files(
     The names of a run's files are equal except for the name of the channel, or a folder has only the files of
     one run.
     """
-    folders: dict[Path, list[_ChannelFile]] = {}
+    tables: dict[Path, Table] = {}
     for path in files:
+        with suppress(InputError, ValueError):
+            (tables[path],) = read_tables(path, chosen.file)
+    folders: dict[Path, list[_ChannelFile]] = {}
+    for path, table in tables.items():
         with suppress(InputError, ValueError, IndexError):
-            (table,) = read_tables(path, chosen.file)
-            notes = [line for document in documents for line in document.notes(path)]
+            # A short file of another channel states only its own sampling rate.
+            notes = [line for each in documents if each.path not in tables for line in each.notes(path)]
             channel = _channel_of(explained(table, notes), chosen, path)
             folders.setdefault(path.parent, []).append(channel)
     joined: list[tuple[Path, RigFile]] = []
@@ -124,7 +129,8 @@ def _join_channels(parts: Sequence[_ChannelFile]) -> Table:
         names=(*named,),
         columns={name: part.table.columns[part.column] for name, part in named.items()},
         units={name: part.table.units.get(part.column, "") for name, part in named.items()},
-        said=tuple(dict.fromkeys(line for part in parts for line in part.table.said)),
+        # The times of each channel are known, and the files may state different rates.
+        said=tuple(dict.fromkeys(line for each in parts for line in each.table.said if not rates_in([line]))),
         step_s=None,
         rows=max(part.table.rows for part in parts),
         layout=replace(first.layout, notes=(*first.layout.notes, f"{len(parts)} files of one channel each")),
