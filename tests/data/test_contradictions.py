@@ -210,14 +210,14 @@ def test_merged_cells_state_several_runs(tmp_path):
         "RUNS = [\n  # file, current [A], oil [degC]\n %s,\n %s,  # repeated\n %s,\n]\nfor a in RUNS\n",
     ],
 )
-def test_rows_of_a_script_have_names_in_a_comment(tmp_path, script):
+def test_script_comment_names_columns_of_rows(tmp_path, script):
     bare(tmp_path)
     rows_of_runs = tuple(f'("{name}.csv", {i}, 30.0)' for name, i in zip(NAMES, CURRENTS, strict=True))
     write(tmp_path, "plot.py", script % rows_of_runs)
     assert_read(read_runs(tmp_path), warm=303.15)
 
 
-def test_keys_of_a_script_have_units_in_a_comment(tmp_path):
+def test_script_comment_states_units_of_keys(tmp_path):
     bare(tmp_path)
     pairs = zip(NAMES, CURRENTS, strict=True)
     entries = "".join(f'    {{"file": "{name}.csv", "coil": {1e3 * i}}},\n' for name, i in pairs)
@@ -228,7 +228,7 @@ def test_keys_of_a_script_have_units_in_a_comment(tmp_path):
 @pytest.mark.parametrize(
     "comment", ["file, current, oil", "file, current in A", "current in A or mA, T in K"]
 )
-def test_rows_of_a_script_without_units_are_a_question(tmp_path, comment):
+def test_script_rows_without_units_lead_to_question(tmp_path, comment):
     bare(tmp_path)
     rows_of_runs = "".join(f'("{n}.csv", {i}, 30.0), ' for n, i in zip(NAMES, CURRENTS, strict=True))
     write(tmp_path, "plot.py", f"# {comment}\nRUNS = [{rows_of_runs}]\n")

@@ -229,13 +229,9 @@ def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
         for k, cell in enumerate(conditions):
             now = cell or now
             names[k] = f"{now}: {names[k]}" if now else names[k]
-    said = (
-        *statements([line for k, line in enumerate(lines[:first]) if k not in used], delimiter),
-        *settings,
-    )
-    return Header(
-        _apply_legend(tuple(names), said, [row for k, row in enumerate(table) if k not in used]), said
-    )
+    others = [k for k in range(first) if k not in used]
+    said = (*statements([lines[k] for k in others], delimiter), *settings)
+    return Header(_apply_legend(tuple(names), said, [table[k] for k in others]), said)
 
 
 def _conditions(cells: Sequence[str]) -> list[str]:
