@@ -109,7 +109,7 @@ def test_quarter_car_example_improves_comfort_and_load():
 
 @pytest.mark.nightly
 def test_quarter_car_example_uses_given_card(card):
-    """The car example also runs with a card. A larger current reduces the suspension travel."""
+    """With a given card (file of a fitted damper), a larger current also reduces the suspension travel."""
     said = said_by("quarter_car.py", card)
     rattle = [float(found) for found in re.findall(r"rattle space ([\d.]+) mm", said)]
     assert rattle[1] < rattle[0]

@@ -69,7 +69,9 @@ class Option:
     most: float | None = None
     above: float | None = None
     below: float | None = None
-    key: str = ""  # name in files and requests if different from the field; with ``unit``, the field is in SI
+    # Name in files and requests, if it differs from the name of the field. If ``key`` and ``unit`` are set,
+    # the value in files and requests is in ``unit``, and the value of the field is in SI.
+    key: str = ""
     flag: str = ""  # option of the command line if it is not --field-name; "-" hides the field there
     metavar: str = ""
     among: Callable[[], Iterable[str]] | None = None  # choices that are determined at run time

@@ -32,7 +32,7 @@ def judged(series_valve: Identification) -> Assessment:
 
 
 @pytest.mark.data
-def test_series_valve_reproduces_twenty_sines(judged: Assessment) -> None:
+def test_series_valve_law_reproduces_twenty_sines(judged: Assessment) -> None:
     errors = summary(judged.runs)
     assert len(judged.runs) == 20
     assert errors["median"] <= 5.5
@@ -44,7 +44,7 @@ def test_series_valve_reproduces_twenty_sines(judged: Assessment) -> None:
 
 
 @pytest.mark.data
-def test_series_valve_predicts_held_out_motions(sines: mrdamper.Dataset) -> None:
+def test_series_valve_law_predicts_held_out_motions(sines: mrdamper.Dataset) -> None:
     """Each motion, with all of its currents, is held out once."""
     errors = []
     for motion in ("10mm2Hz", "25mm0p25Hz", "25mm0p5Hz", "5mm3Hz"):
@@ -56,7 +56,7 @@ def test_series_valve_predicts_held_out_motions(sines: mrdamper.Dataset) -> None
 
 
 @pytest.mark.data
-def test_series_valve_predicts_held_out_chirp(series_valve: Identification, real_data: Path) -> None:
+def test_series_valve_law_predicts_held_out_chirp(series_valve: Identification, real_data: Path) -> None:
     """The chirp reaches ten times the lowest training frequency. A force offset at 0 A is ignored."""
     chirps = mrdamper.read_runs([str(real_data / "dev" / "utfsm_chirp_*.csv")])
     errors = {error.command: error for error in mrdamper.evaluate(series_valve.damper, chirps)}

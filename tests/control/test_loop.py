@@ -44,7 +44,7 @@ def test_tracking_error_is_proportional_to_sampling_period():
     assert np.array(errors[:-1]) / errors[1:] == pytest.approx(2.0, rel=0.1)
 
 
-def test_half_period_preview_halves_error():
+def test_preview_of_half_sampling_period_halves_error():
     late = run_loop(Ideal(), Inverse(), SHORT)
     centred = run_loop(Ideal(), Inverse(preview_s=5e-4), SHORT)
     inside = attainable_range(Ideal(), late.course, 20.0, 2.0).feasible(late.course.target)

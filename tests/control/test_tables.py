@@ -70,7 +70,10 @@ def test_table_force_equals_force_of_law(law):
 @pytest.mark.parametrize("exponent", [None, 0.6, 1.9])
 @every_law
 def test_interpolated_table_force_is_accurate(law, exponent):
-    """At any current, temperature, hysteresis and speed up to 0.3 m/s, the error is below 0.1 % of peak."""
+    """The force error is below 0.1 % of the peak force.
+
+    The test uses all currents, and random temperatures, hysteresis states and speeds up to 0.3 m/s.
+    """
     damper = DAMPERS[law]
     if exponent is not None:
         forms: dict[str, ParameterLaw] = {

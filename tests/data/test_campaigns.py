@@ -211,11 +211,10 @@ def lag_of(runs):
         # The delay is proportional to the period, which indicates compliance.
         ({1.0: 40.0, 2.0: 20.0}, None),
         ({1.0: 52.0, 2.0: 32.0}, 12.0),
-        ({1.0: 35.0, 2.0: 15.0}, None),  # A linear fit gives -5 ms for period 0, a quadratic fit 8.3 ms.
-        (
-            {1.0: 15.0, 2.0: 0.0},
-            -5.0,
-        ),  # A linear fit gives -15 ms, a quadratic fit -5 ms. The smaller lead is reported.
+        # The fits a + b/f and a + b/f^2 give a = -5 and 8.3 ms. A lead is reported only if both are negative.
+        ({1.0: 35.0, 2.0: 15.0}, None),
+        # The fits give a = -15 and -5 ms. The smaller lead is reported.
+        ({1.0: 15.0, 2.0: 0.0}, -5.0),
     ],
 )
 def test_force_delay_is_distinguished_from_compliance(delays, told):

@@ -224,7 +224,7 @@ def test_assumed_temperature_factors_in_report_are_marked(fitted, text):
 
 
 @pytest.mark.nightly
-def test_report_without_constant_currents_has_temperature_effects(fitted, judged):
+def test_report_of_current_steps_has_temperature_effects(fitted, judged):
     """Without runs at constant current, the report has no measured operating points."""
     stepping = tuple(replace(error, command=None) for error in judged.runs)
     said = visible_text(PAGE.render(replace(fitted, assessment=replace(judged, runs=stepping))))

@@ -81,7 +81,7 @@ def fields_of_run(
 
 
 def make_run(motion: Motion = SINE, changed: Mapping[str, Any] | None = None, **how: Any) -> RigRun:
-    """Return a run from the arguments ``how`` of ``fields_of_run``. ``changed`` replaces its fields."""
+    """Return a run with the fields ``fields_of_run(motion, **how)``. ``changed`` has new values of fields."""
     fields = fields_of_run(motion, **how)
     return RigRun(**{**fields, **(changed or {})})
 

@@ -197,7 +197,11 @@ def test_groove_radiation_equals_sum_of_reflections(finish):
 
 @given(amplitude=st.floats(5e-4, 0.1), frequency=st.floats(0.05, 20.0), gap=st.floats(5e-4, 3e-3))
 def test_moving_fluid_conductances_match_published_equations(amplitude, frequency, gap):
-    """The references are Stephan's equation of slits, penetration into renewed fluid, and displaced fluid."""
+    """Each conductance is compared with a published equation.
+
+    Gap: Stephan's equation for slits. Chamber: heat penetration into fluid that is renewed. Exchange: heat
+    that the displaced fluid carries.
+    """
     k, heat, piston, gap_area, long, chamber, width = 0.3, 1.9e6, 8e-4, 1.1e-4, 0.07, 0.06, 0.011
     channel = Channel(gap, gap_area, piston, long, chamber, width, k, heat)
     found = conduct_fluid(channel, Stroke(amplitude, frequency))

@@ -66,9 +66,9 @@ class MotionFilter:
     by a gain times the displacement error (measured minus predicted).
     """
 
-    gain_x: float  # [-] correction of the displacement / displacement error
-    gain_v: float  # [1/s] correction of the velocity / displacement error
-    gain_a: float  # [1/s2] correction of the acceleration / displacement error
+    gain_x: float  # [-] correction of the displacement, divided by the displacement error
+    gain_v: float  # [1/s] correction of the velocity, divided by the displacement error
+    gain_a: float  # [1/s2] correction of the acceleration, divided by the displacement error
     holds_readings: bool  # True: the sensor repeats each reading for several periods; repetitions are ignored
     frequency_filter_gain: (
         float  # [-] weight of a new sample in the means of v^2 and a^2; 0: acceleration is assumed constant
@@ -87,9 +87,9 @@ class ReferenceFilter:
     a gain times the force error (wanted minus predicted).
     """
 
-    gain_f: float  # [-] correction of the force / force error
-    gain_rate: float  # [1/s] correction of the rate of the force / force error
-    gain_second_derivative: float  # [1/s2] correction of the second derivative of the force / force error
+    gain_f: float  # [-] correction of the force, divided by the force error
+    gain_rate: float  # [1/s] correction of the rate of the force, divided by the force error
+    gain_second_derivative: float  # [1/s2] correction of the second derivative, divided by the force error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

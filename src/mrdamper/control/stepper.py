@@ -60,7 +60,7 @@ class StateEstimate:
     viscous_force: float
     friction_force: float
     other_force: float
-    disturbance: float  # observed error of the model force times the sign of the velocity [N]
+    disturbance: float  # filtered (measured - model force) times the sign of the velocity [N]
     flags: Flag
 
     @property

@@ -34,7 +34,7 @@ class CycleFigures:
     that no sample counts twice.
     """
 
-    row: NDArray[np.int64]  # Index of sample a in the run.
+    row: NDArray[np.int64]  # Index of the first sample of a cycle (sample a above) in the run.
     start_s: FloatArray
     period_s: FloatArray
     amplitude_m: FloatArray  # Half the range of displacement.

@@ -63,8 +63,8 @@ class FilmTable:
 
         ``law`` is the row of the table for a type of surface, and ``above`` the surface minus ambient
         temperature [K]. The interpolation is quadratic in the ambient temperature, and linear in air speed
-        and in ``above``. Outside the table, the coefficient is constant, except within half an interval of
-        ambient temperature.
+        and in ``above``. Outside the table, the coefficient is constant. Only in ambient temperature, the
+        quadratic is also used for half an interval beyond each end of the table.
         """
         width = self.ambient[1] - self.ambient[0]
         x = min(max((ambient - self.ambient[1]) / width, -1.5), 1.5)

@@ -1,6 +1,7 @@
-"""Call the job functions for the server with paths instead of file names.
+"""Call the job functions for requests to the server.
 
-The command line calls the same job functions. This module computes nothing.
+A request contains names of files. This module replaces them by paths in the work folder and computes nothing.
+The command line calls the same job functions.
 """
 
 from __future__ import annotations

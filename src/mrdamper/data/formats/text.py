@@ -133,7 +133,7 @@ def _converted(table: Table, scales: Mapping[str, tuple[float, float]], note: st
 
 
 def _content(path: TextSource) -> bytes:
-    """Return the bytes of a text, empty if the text is large."""
+    """Return the bytes of a text, or no bytes if the text is too large to be kept in memory."""
     if size_of(path) > SETTINGS.whole_file_max_bytes:
         return b""
     with open_text_bytes(path) as stream:
@@ -152,8 +152,8 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
     if not long or (len(blocks) == 1 and not trailer):
         return None
     notes, header, above = layout.notes, found.header, [line for line in found.above if line.strip()]
-    # The lines above the first block begin with those about the file, then those about the block. The later
-    # blocks show the number of lines about a block.
+    # Above the first block are lines that describe the file, then lines that describe the block. Above a
+    # later block are only lines of the second type. Their largest number is assumed for the first block too.
     count = len(above) - max((len(block.above) for block in long[1:]), default=len(above))
     shared = above[: max(count, 0)]
     about_file = {*statements(shared, layout.delimiter)}
@@ -199,7 +199,8 @@ def _look(path: TextSource, options: FileOptions) -> _Found | Table:
         return turned
     delimiter, first = find_data(head.lines, options.delimiter)
     if first is None:
-        # A file with only a header line is a record without samples. A longer file contains notes.
+        # There is no row of numbers. If the only line consists of column names, it is the header of a record
+        # without samples. Other texts are notes.
         lines = [line for line in head.lines if line.strip() and not line.startswith("#")]
         widths = [len(split_line(line, sign)) for line in lines for sign in DELIMITERS[:-1]]
         is_empty_record = len(lines) == 1 and max(widths) >= SETTINGS.empty_record_columns_min

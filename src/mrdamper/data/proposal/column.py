@@ -155,7 +155,7 @@ def _means_same(word: str, header: Header) -> bool:
 
 
 def meant_without_unit(role: str, headers: Sequence[Header]) -> Header | None:
-    """Return the header without a unit that matches a role, None unless it is unique.
+    """Return the only header that matches a role and has no unit, or None if no or several headers match.
 
     Measured columns have priority over set points.
     """

@@ -67,7 +67,7 @@ class Document:
 
     @property
     def finding(self) -> Finding:
-        """Return the finding with the values from the document."""
+        """Return the finding that this document states conditions of runs, such as the current."""
         return Finding(
             kind="index",
             severity="note",

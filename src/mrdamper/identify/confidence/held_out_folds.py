@@ -46,7 +46,7 @@ class HeldOutError:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RefittedFolds:
-    """Dampers refitted without one fold (group of runs) each, and their errors on the omitted fold."""
+    """For each fold (group of runs), the damper refitted without this fold, and its errors on the fold."""
 
     kind: LeftOut  # what each fold holds out: motions, currents or time blocks
     dampers: tuple[Damper, ...]  # one damper for each fold

@@ -149,9 +149,10 @@ class CandidateEvaluator:
         return CandidateStarts(candidate, starts, float(np.sqrt(cost)))
 
     def fit_starts(self, starts: CandidateStarts, *, with_descent: bool = True) -> FittedCandidate:
-        """Continue the short descents of a candidate, and fit the candidate afterwards.
+        """Fit a candidate, starting at the results of its short descents.
 
-        If ``with_descent`` is False, the best damper in ``starts`` is returned without a fit.
+        Before the fit, the descents are continued on the screening windows. If ``with_descent`` is False,
+        there is no fit, and the damper in ``starts`` with the smallest error is returned.
         """
         start_s, candidate, problem = cpu_seconds(), starts.candidate, self.problem(starts.candidate)
         if not with_descent:

@@ -145,8 +145,9 @@ def forced_side_film(
     pr = np.asarray(prandtl, dtype=np.float64)[..., None]
     drive = driving * speed**2
     log_speed = np.broadcast_to(0.5 * math.log(drive), np.broadcast_shapes(nu.shape, chord.shape)).copy()
-    # Solve c_d U^2 = u^2 [1 + 4 f c / (2 S)] for the air speed u. The right side is proportional to a power
-    # 1 to 2 of u. Therefore each iteration reduces the error by more than half.
+    # Solve c_d U^2 = u^2 [1 + 4 f c / (2 S)] for the air speed u. Because f decreases with u, the
+    # right side increases like u^p with p between 1 and 2. Each iteration assumes p = 1.5, and therefore
+    # reduces the error of log u by more than half.
     for _ in range(ITERATION_COUNT):
         within = np.exp(log_speed)
         resistance = 1.0 + 2.0 * _friction(chord, gap, within, nu) * chord / gap

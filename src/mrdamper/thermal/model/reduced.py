@@ -104,7 +104,10 @@ def project(equation: HeatEquation, basis: FloatArray) -> HeatEquation:
 
 
 def _responses(equation: HeatEquation, kinds: IntArray) -> FloatArray:
-    """Return the responses to both heat sources and to each kind of surface, shape (nodes, responses)."""
+    """Return the temperature responses to heat of both sources and to heat supplied to each kind of surface.
+
+    The shape is (nodes, responses).
+    """
     weight = equation.cooling.fluxes(np.full(len(equation.area), BASIS_RISE_K))[1].sum(axis=0) * equation.area
     film = equation.surface.T @ (equation.surface * weight[:, None])
     surfaces = [equation.surface.T @ np.where(kinds == kind, weight, 0.0) for kind in np.unique(kinds)]

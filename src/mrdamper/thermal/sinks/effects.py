@@ -135,9 +135,12 @@ def paper_sweeps(drawing: DamperDrawing, sink: HeatSink, loads: Sequence[Load]) 
 
 @dataclass(frozen=True, slots=True)
 class GainBand:
-    """Gain of a heat sink and its 90 % interval; positive: cooler than the reference."""
+    """Temperature reduction by a heat sink relative to a reference (gain), and its 90 % interval.
 
-    middle: float  # computed gain [K]
+    A positive value means that the heat sink is cooler than the reference.
+    """
+
+    middle: float  # computed temperature reduction [K]
     low: float  # lower end of the interval [K]
     high: float  # upper end of the interval [K]
 
