@@ -739,7 +739,7 @@ def test_summed_gram_matrix_matches_single_runs(name):
 @examples(25)
 @given(data=st.data(), seed=st.integers(0, 99), candidates=st.integers(1, 4))
 def test_vectorised_gram_sums_match_single_runs(name, data, seed, candidates):
-    """Force errors are bit-identical with single runs. Derivatives agree within the solver tolerance."""
+    """Sums of single runs and of three threads have equal bits. Derivatives agree within a tolerance."""
     draw = np.random.default_rng(seed)
     shapes = [(draw.uniform(0.01, 0.6), rate) for rate in (1000.0, 200.0, 1000.0, 500.0)]
     paths = [random_drive(k, duration=duration, rate=rate) for k, (duration, rate) in enumerate(shapes)]
@@ -752,6 +752,8 @@ def test_vectorised_gram_sums_match_single_runs(name, data, seed, candidates):
     coefficients = base * draw.uniform(0.8, 1.0, (candidates, len(records), len(base)))
     places, law = list(range(len(base))), number_of(damper(name))
     found = core.gram_sums(law, records, measured, starts, coefficients, places)
+    parallel = core.gram_sums(law, records, measured, starts, coefficients, places, threads=3)
+    assert parallel.tobytes() == found.tobytes()
     for j in range(candidates):
         for k, record in enumerate(records):
             one = coefficients[j : j + 1, k : k + 1].copy()
