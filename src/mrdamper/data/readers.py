@@ -34,6 +34,9 @@ from mrdamper.data.tables import read_tables
 from mrdamper.data.words.labels import Place
 from mrdamper.errors import InputError
 from mrdamper.files import MAP_SUFFIX, PathLike, is_file, is_folder
+from mrdamper.runtime.pool import ONE_CORE, Pool
+
+_PARALLEL_FILES_MIN = 12  # For fewer files, starting processes takes longer than reading.
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,18 +162,26 @@ def _read_all(
     stating = {document.path for document in documents if document.lines} & {*files}
     if len(stating) == len(files):  # If all files are documents, the user gets the errors of reading them.
         stating = set()
-    for path in (*frames, *(path for path in files if path not in stating)):
+
+    def read_one(path: Path) -> RigFile | InputError:
         try:
             if path in frames:
-                read.append((path, frames[path].read(with_answers(load_map(chosen), answers, path))))
-            else:
-                stated = [place for document in documents for place in document.places(path)]
-                notes = [line for document in documents for line in document.notes(path)]
-                read.append((path, read_file(path, chosen, answers, stated, notes)))
+                return frames[path].read(with_answers(load_map(chosen), answers, path))
+            stated = [place for document in documents for place in document.places(path)]
+            notes = [line for document in documents for line in document.notes(path)]
+            return read_file(path, chosen, answers, stated, notes)
         except InputError as error:
-            if path.is_relative_to(space) or [each.name for each in files].count(path.name) > 1:
-                relocate(error, path.name, f"{path}")
-            unreadable.append(UnreadableFile(path, error))
+            return error
+
+    chosen_files = [*frames, *(path for path in files if path not in stating)]
+    pool = Pool() if len(chosen_files) >= _PARALLEL_FILES_MIN else ONE_CORE
+    for path, found in zip(chosen_files, pool.map(read_one, chosen_files), strict=True):
+        if isinstance(found, RigFile):
+            read.append((path, found))
+            continue
+        if path.is_relative_to(space) or [each.name for each in files].count(path.name) > 1:
+            relocate(found, path.name, f"{path}")
+        unreadable.append(UnreadableFile(path, found))
     unread = [item.path for item in unreadable]
     joined, members = join_channel_files(unread, load_map(chosen), answers, documents)
     warmed, logs = join_temperature_logs(

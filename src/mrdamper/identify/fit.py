@@ -113,6 +113,7 @@ def fit_law(
     *,
     terms: Sequence[str] | None = None,
     dampers: Sequence[Damper] = (),
+    response: Damper | None = None,
     interrupted: bool = False,
     on_progress: Progress = silent,
 ) -> Identification:
@@ -123,6 +124,8 @@ def fit_law(
     law : name of a law, or a law in Python (object or class); None: ``default_law``
     terms : names of the terms of the law; None: the default terms
     dampers : start values of the search; if empty, the search finds its own start values
+    response : damper whose delay and lags are start values of the fit to runs with changing current; None:
+        several default values
     interrupted : True if the user has interrupted the job; the search then makes one iteration from the first
         damper
     on_progress : function that receives a ``SearchState`` as ``detail`` after every step
@@ -148,7 +151,7 @@ def fit_law(
     result = replace(result, damper=damper, notes=(*result.notes, *data.notes, *held))
     actuation: ActuationFit | None = None
     if data.changing and not result.cancelled:
-        result, actuation = _with_actuation(result, data.changing)
+        result, actuation = _with_actuation(result, data.changing, response)
         if band is not None:
             band = with_changing_current(band, result.damper.on_limits(), data.changing)
     return Identification(
@@ -201,7 +204,7 @@ def _for_other_motions(
 
 
 def _with_actuation(
-    result: SearchResult, stepping: Sequence[PreparedRun]
+    result: SearchResult, stepping: Sequence[PreparedRun], start: Damper | None
 ) -> tuple[SearchResult, ActuationFit | None]:
     """Add delay and lags of the force, fitted to runs with changing current, to the damper of ``result``.
 
@@ -211,7 +214,7 @@ def _with_actuation(
     rate_Hz = max(NUMERICS.actuation_rate_min_Hz, NUMERICS.actuation_samples_max / samples_per_Hz)
     stepping = [decimate(run, rate_Hz) for run in stepping]
     try:
-        found = fit_actuation(result.damper, stepping)
+        found = fit_actuation(result.damper, stepping, start=start)
     except InputError as error:
         return replace(result, notes=(*result.notes, f"without an actuation: {error}")), None
     damper, actuation = refine_actuation(*found, stepping)

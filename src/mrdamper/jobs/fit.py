@@ -131,6 +131,7 @@ def fit(
             law,
             terms=_terms(options) if selection is None else selection.chosen.candidate.terms,
             dampers=() if selection is None else selection.alternatives,
+            response=None if selection is None else selection.response,
             interrupted=selection is not None and selection.interrupted,
             on_progress=on_progress,
         )

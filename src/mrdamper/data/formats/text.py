@@ -48,6 +48,7 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import spell_unit
 
 _COUNT = re.compile(r"sample count\s*[:=]\s*(\d+)", re.IGNORECASE)
+_SIGN_APART = re.compile(r"(?<!\S)[+-](?=\s)")
 _LONE_SIGN = re.compile(r"(^|\s)([+-])[ \t]+(?=[\d.])")
 _HEAD_BYTES = 1 << 20
 _BLOCK_BYTES = 1 << 25
@@ -221,8 +222,10 @@ def _with_joined_signs(path: TextSource, head: Head, options: FileOptions) -> Ta
 
     A sign may also be a mark of a missing value. All rows then have the same number of cells with it.
     """
+    if not any(_SIGN_APART.search(line) for line in head.lines):
+        return None
     joined = [_LONE_SIGN.sub(r"\1\2", line) for line in head.lines]
-    apart = [re.sub(r"(?<=\s)[+-](?=\s)", "0", line) for line in head.lines]
+    apart = [_SIGN_APART.sub("0", line) for line in head.lines]
     counts, others = (
         {len(fields) for line in lines if 1 < count_numbers(fields := line.split()) == len(fields)}
         for lines in (joined, apart)

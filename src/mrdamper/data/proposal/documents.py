@@ -177,8 +177,9 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
         )
         owners = () if is_run else _owners(path, lines, siblings, runs if {*runs} <= {*files} else ())
         stating: Mapping[Path, tuple[str, ...]] = {}
-        for group in (siblings, below):
-            if lines and not stating:
+        is_list = bool(lines) and not (is_run and _is_long_table(lines))
+        for group in (siblings, below) if is_list else ():
+            if group and not stating:
                 stating = _stating(_matrix_lines(path, lines, group))
                 stating = stating or _stating(_lines_by_file(path, lines, group, is_run=is_run))
         for file in owners:
@@ -258,16 +259,19 @@ def _lines_of(path: Path) -> list[str]:
     return lines[: SETTINGS.document_lines_max]
 
 
+def _is_long_table(lines: Sequence[str]) -> bool:
+    """Return True if the lines are a long table of numbers, which is not a list of runs."""
+    if len(lines) <= SETTINGS.run_list_lines_max:
+        return False
+    worded = [line for line in lines if re.search(r"[^\W\d_]{2}", line)]
+    is_list = any(_NUMBER_WORDS.search(line.lstrip("# ")) for line in worded)
+    return 2 * len(worded) < len(lines) and not is_list
+
+
 def _lines_by_file(
     path: Path, lines: Sequence[str], files: Sequence[Path], *, is_run: bool
 ) -> dict[Path, list[str]]:
     """Return the lines of a document about each file. A table in it is used if most rows name files."""
-    if is_run and len(lines) > SETTINGS.run_list_lines_max:
-        worded = [line for line in lines if re.search(r"[^\W\d_]{2}", line)]
-        if 2 * len(worded) < len(lines) and not any(
-            _NUMBER_WORDS.search(line.lstrip("# ")) for line in worded
-        ):
-            return {}  # A long table of numbers is not a list of runs.
     known = _Files(files, path.parent)
     text = "\n".join(lines).lower()
     names_a_file = bool(known.numbers) or any(name in text for name in known.names)

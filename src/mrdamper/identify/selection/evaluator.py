@@ -99,7 +99,7 @@ class CandidateEvaluator:
             blocks=blocks,
         )
         # Damper of the last cross-validation. Its delay and lags are initial values of the next fit.
-        self._response: Damper | None = None
+        self.response: Damper | None = None
         # Start value of a gas term: mean force of the runs [N] and its slope versus temperature [N/K]
         self._level: tuple[float, float] | None = None
         if data.fluid is None and data.temperature != "none":
@@ -346,7 +346,7 @@ class CandidateEvaluator:
 
         def without(fold: Fold | None) -> tuple[Damper, list[float]]:
             if fold is None:
-                return self._evaluate_changing_runs(fitted.damper, self._response)
+                return self._evaluate_changing_runs(fitted.damper, self.response)
             objective = Objective(problem, fold.training(self.windows))
             starts = [fitted.damper]
             if previous is not None:
@@ -357,7 +357,7 @@ class CandidateEvaluator:
             return damper, _squared_errors(damper, held_out).tolist()
 
         # The evaluation of the changing runs takes longest and begins first.
-        (self._response, changing), *results = self.pool.map(without, [None, *self.folds], threads=True)
+        (self.response, changing), *results = self.pool.map(without, [None, *self.folds], threads=True)
         squares = np.full(len(self.windows), np.nan)
         folds = np.full(len(self.windows), -1, dtype=np.intp)
         for number, (fold, (_, errors)) in enumerate(zip(self.folds, results, strict=True)):
