@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import cos, sin
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 from hypothesis import given
@@ -15,6 +18,7 @@ from mrdamper.data.formats.table import (
     FileOptions,
 )
 from mrdamper.data.formats.text import read_text
+from mrdamper.data.readers import read_runs
 from tests.support.examples import examples
 
 # ------------------------------------------------------------------------------------------- headers
@@ -97,6 +101,25 @@ def test_line_endings_do_not_affect_samples(tmp_path, ends, marked, last):
     table = read_text(tmp_path / "run.csv", FileOptions())
     assert table.names == ("t", "x")
     assert table.columns["x"].tolist() == [k + 0.5 for k in range(12)]
+
+
+# ------------------------------------------------------------------------------------------- file names
+
+SIGNS = " ,;.()[]{}+-_#&'!=@~%"
+
+
+@given(folder=st.text(SIGNS, max_size=4), file=st.text(SIGNS, max_size=4), note=st.text(SIGNS, max_size=4))
+@examples(25)
+def test_punctuation_in_names_does_not_affect_runs(folder, file, note):
+    """Names of folders and files can end with any punctuation, such as "courant 0,5 A" or "run (2)"."""
+    rows = "".join(f"{k / 100},{10.0 * sin(k / 9)},{90.0 * cos(k / 9)}\n" for k in range(120))
+    with TemporaryDirectory() as space:
+        inner = Path(space) / f"tests{folder}x"
+        inner.mkdir()
+        for name in ("run1", "run2"):
+            (inner / f"{name}{file}.csv").write_text(f"time_s,displacement_mm,force_N\n{rows}")
+        (Path(space) / f"readme{note}.txt").write_text("Current 0.5 A in all runs.\n")
+        assert [run.constant_command for run in read_runs(space)] == [0.5, 0.5]
 
 
 # ------------------------------------------------------------------------------------------- workbooks
