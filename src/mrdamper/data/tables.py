@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from mrdamper.data.formats.excel import ZIP_SIGNATURE, read_workbook
+from mrdamper.data.formats.excel import WORKBOOK_SIGNATURES, read_workbook
 from mrdamper.data.formats.hdf5 import read_hdf5
 from mrdamper.data.formats.lvm import read_lvm
 from mrdamper.data.formats.mat import is_mat, read_mat
@@ -38,7 +38,12 @@ FORMATS: tuple[Format, ...] = (
     Format("TDMS", (".tdms",), re.compile(rb"TDSm").match, read_tdms),
     Format("MDF", (".mf4", ".mdf"), re.compile(rb"MDF     |UnFinMF ").match, read_mdf),
     Format("NumPy archive", (".npz",), re.compile(rb"(?s)PK\x03\x04.*\.npy").match, read_npz),
-    Format("Excel", (".xlsx", ".xlsm", ".ods"), re.compile(ZIP_SIGNATURE).match, read_workbook),
+    Format(
+        "Excel",
+        (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods"),
+        lambda head: head.startswith(WORKBOOK_SIGNATURES),
+        read_workbook,
+    ),
     Format("LabVIEW text", (".lvm",), _LABVIEW.match, read_lvm),
     Format("universal", (".unv", ".uff"), re.compile(rb"\s*-1\s*\r?\n\s*\d+").match, read_uff),
     Format("JSON", (".json", ".jsonl"), _JSON.match, read_json),
@@ -59,7 +64,6 @@ _CATMAN = (
 _UNSUPPORTED: tuple[tuple[bytes, str], ...] = (
     (b"7z\xbc\xaf", "a 7-Zip archive: unpack it first"),
     (b"Rar!", "a RAR archive: unpack it first"),
-    (b"\xd0\xcf\x11\xe0", "an old Excel file (.xls): save it as .xlsx"),
     (b"%PDF", "a PDF: export the run as CSV"),
     (b"\x93NUMPY", "a single array of NumPy: save named ones with numpy.savez"),
     (b"\x80\x04", "a Python pickle, which is never opened: export the run as CSV or Parquet"),

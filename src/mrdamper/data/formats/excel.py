@@ -1,7 +1,7 @@
-"""Read tables from the sheets of Excel workbooks (.xlsx, .xlsm).
+"""Read tables from the sheets of Excel and OpenDocument workbooks (.xlsx, .xlsm, .xlsb, .xls, .ods).
 
-A workbook is a zip archive. The unpacked content can be larger than the memory. Therefore the unpacked size
-and the number of cells are checked before the workbook is read.
+A workbook is a zip archive, except .xls. The unpacked content can be larger than the memory. Therefore the
+unpacked size and the number of cells are checked before the workbook is read.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from mrdamper.data.formats.table import FileOptions, NoTableError, Table, load_e
 from mrdamper.data.formats.text import read_text
 from mrdamper.errors import InputError
 
-ZIP_SIGNATURE = b"PK\x03\x04"  # A workbook is a zip archive.
+ZIP_SIGNATURE = b"PK\x03\x04"
+WORKBOOK_SIGNATURES = (ZIP_SIGNATURE, b"\xd0\xcf\x11\xe0")  # The second one is that of .xls files.
 _PIECE_BYTES = 1 << 20
 _TABLE = "{urn:oasis:names:tc:opendocument:xmlns:table:1.0}"
 _OFFICE = "{urn:oasis:names:tc:opendocument:xmlns:office:1.0}"
@@ -144,10 +145,12 @@ def _spelled(cell: object, decimal: str = ".") -> str:
 
 def _require_harmless(path: Path) -> None:
     """Raise InputError if an archive is not a workbook, or if its unpacked size is too large."""
+    if not zipfile.is_zipfile(path):
+        return  # A sheet of a .xls file has at most 65,536 rows and 256 columns.
     with zipfile.ZipFile(path) as archive:
         members = archive.infolist()
         names = {member.filename for member in members}
-        if names.isdisjoint({"xl/workbook.xml", "content.xml"}):
+        if names.isdisjoint({"xl/workbook.xml", "xl/workbook.bin", "content.xml"}):
             raise NoTableError(
                 place=path, found="is a ZIP archive without a workbook", remedy="Unpack it first"
             )

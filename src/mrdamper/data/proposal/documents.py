@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mrdamper.data.finding import Finding
-from mrdamper.data.formats.excel import ZIP_SIGNATURE, sheet_lines
+from mrdamper.data.formats.excel import WORKBOOK_SIGNATURES, sheet_lines
 from mrdamper.data.formats.lines.cells import is_number
 from mrdamper.data.formats.lines.encodings import encoding_of, open_text_bytes
 from mrdamper.data.formats.lines.header import DELIMITERS, holds_samples, line_of, split_line, with_unit
@@ -98,6 +98,12 @@ class _Files:
         owners.pop("", None)
         # Equal names in different folders are ambiguous.
         self.names = {name: tuple(*found.values()) for name, found in owners.items() if len(found) == 1}
+        # Codes are parts of names with letters and a number, such as I2 and T1 in "MRD_I2_T1".
+        codes: dict[str, list[Path]] = {}
+        for path in files:
+            for code in {*re.findall(r"(?<![^\W_])[^\W\d_]+\d+(?![^\W_])", path.stem.lower())}:
+                codes.setdefault(code, []).append(path)
+        self.names = {**{code: tuple(found) for code, found in codes.items()}, **self.names}
         self.suffixes = {path.suffix.lower() for path in files} - {""}
         # Files by the last number in the name of the run or folder, if all these numbers are different.
         self.numbers: dict[int, tuple[Path, ...]] = {}
@@ -246,7 +252,7 @@ def _lines_of(path: Path) -> list[str]:
         return []
     with path.open("rb") as stream:
         head = stream.read(512)
-    if head.startswith(ZIP_SIGNATURE):
+    if head.startswith(WORKBOOK_SIGNATURES):
         with decoding(path, "Excel"):
             return sheet_lines(path)[: SETTINGS.document_lines_max]
     if not is_text(head):

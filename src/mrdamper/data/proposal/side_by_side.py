@@ -20,6 +20,7 @@ from mrdamper.data.words.labels import labels_in
 from mrdamper.quantities import QUANTITIES, roles_of_unit, to_si
 
 _VALUE = re.compile(r"values?|val|wert|valeur|valor|reading|measurement", re.IGNORECASE)
+_UNNAMED = re.compile(r"(column \d+)?")  # name that a reader gives to a column without a name
 _COUNTED = re.compile(r" \(\d+\)$")  # number that a reader appends to a repeated name
 
 
@@ -34,7 +35,11 @@ def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
     """
     if table.texts or table.clocks or table.stamps:
         return (table,)
-    filled = [name for name in table.names if _split_name(name)[1] or np.isfinite(table.columns[name]).any()]
+    filled = [
+        name
+        for name in table.names
+        if not _UNNAMED.fullmatch(_split_name(name)[1]) or np.isfinite(table.columns[name]).any()
+    ]
     split = [_split_name(name) for name in filled]
     above, names = [title for title, _ in split], [name for _, name in split]
     width, time = _width(names), filled[:0]

@@ -27,6 +27,10 @@ _UNITS = {
 _SYMBOLS = {"current": "iI", "voltage": "uUvV", "temperature": "tT"}
 # A number begins a word or follows its sign or symbol: "rev2A" is not a current and "0-1.5A" is a range. The
 # minus in "I-2A" is a dash, but the minus in "T-5C" may be the sign of the temperature.
+# A word for the role, or any word in a script without blanks, may precede the number directly.
+_GLUED = re.compile(
+    r"((?i:current|strom|courant|corr?iente|corrente|temp(?:eratur[ae]?)?)|[\u3040-\u9fff\uac00-\ud7af])(?=\d)"
+)
 _BEGIN = r"(?:(?<![\w.,+%-])|(?<=_)|(?<=(?<![^\W_])[{symbol}])|(?<=(?:(?<=[\s_=:(])|(?<![\s\S]))[+-]){dash})"
 _DASHES = dict.fromkeys(("current", "voltage"), r"|(?<=(?<![\d.])[^\W\d]-)") | {"temperature": ""}
 _RANGE = r"(?:(?<=\bset to )|(?<!\bto ))(?<!\bbis )(?<![-–…~] )(?<!\d[eEdD] [+-])"
@@ -101,7 +105,7 @@ class Label:
 
 def labels_in(text: str, role: str) -> tuple[float, ...]:
     """Return the different values of a role [SI] in a text."""
-    text = text.translate(_CYRILLIC)
+    text = _GLUED.sub(r"\1 ", text.translate(_CYRILLIC))
     found = [(sign + number, unit) for sign, number, unit in _FORMS[role].findall(text)]
     found += [(number, unit) for unit, number in _AFTER_UNIT[role].findall(text)]
     values: dict[float, None] = {}
