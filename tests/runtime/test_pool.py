@@ -12,7 +12,7 @@ from concurrent.futures.process import BrokenProcessPool
 import pytest
 
 from mrdamper.errors import InputError
-from mrdamper.runtime.pool import Pool, cpu_seconds
+from mrdamper.runtime.pool import Pool, cpu_seconds, limit_jobs
 
 pytestmark = pytest.mark.system
 FORKS = pytest.mark.skipif(sys.platform != "linux", reason="only Linux forks")
@@ -28,6 +28,13 @@ def _slow_first(k: int) -> int:
 def test_process_pool_results_keep_order_of_items(jobs: int, *, threads: bool):
     """The order of the results does not depend on the number of processes or threads."""
     assert list(Pool(jobs).map(_slow_first, range(7), threads=threads)) == [k * k for k in range(7)]
+
+
+@FORKS
+def test_limit_of_jobs_applies_to_pools_without_number():
+    with limit_jobs(1):
+        assert set(Pool().map(lambda _: os.getpid(), range(3))) == {os.getpid()}
+        assert os.getpid() not in set(Pool(2).map(lambda _: os.getpid(), range(3)))
 
 
 @FORKS

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from glob import has_magic
 from pathlib import Path
@@ -94,7 +94,8 @@ class Job:
         outputs = {each.name: Path(given[each.name]) for each in self.outputs if given[each.name]}
         if outputs:
             return self.perform(things, options, outputs=outputs, on_progress=progress)[0]
-        return self._run(things, self._read(things), options, progress)
+        with _limit_jobs(options):
+            return self._run(things, self._read(things), options, progress)
 
     def _read(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """Return the inputs by name; paths and preset names are replaced by objects."""
@@ -162,10 +163,11 @@ class Job:
             options = replace(options, what=tuple(outputs))
         # Import the report before the job, because an interrupted job has no time for imports.
         reported = self.reported
-        things = self._read(given)
-        folders = self._places(out, outputs)
         more: dict[str, Any] = {}
         with ExitStack() as stack:
+            stack.enter_context(_limit_jobs(options))
+            things = self._read(given)
+            folders = self._places(out, outputs)
             if self.checkpoint and out is not None:
                 store = stack.enter_context(load(self.checkpoint)(folders[""], resume=resume))
                 more = {"checkpoint": store}
@@ -233,6 +235,14 @@ class Job:
 
         with self._staged(self._places(Path(out), _NOTHING)) as places:
             return write_report(self.reported, result, places, _NOTHING)
+
+
+def _limit_jobs(options: object) -> AbstractContextManager[None]:
+    """Return a context in which reading, run and report use at most the jobs of the option ``--jobs``."""
+    limited: AbstractContextManager[None] = load("mrdamper.runtime.pool:limit_jobs")(
+        getattr(options, "jobs", None)
+    )
+    return limited
 
 
 def _files_read(given: Mapping[str, Any]) -> list[Path]:

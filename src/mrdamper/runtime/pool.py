@@ -44,6 +44,9 @@ _CAN_FORK = sys.platform == "linux"
 _PR_SET_PDEATHSIG = 1
 _INSIDE: ContextVar[bool] = ContextVar("inside the work of a pool", default=False)
 _THREADS: ContextVar[int] = ContextVar("number of threads of a computation", default=1)
+_JOBS_MAX: ContextVar[int | None] = ContextVar(
+    "maximum number of jobs of a pool", default=None
+)
 _shared: list[Any] = []  # arguments ``shared`` of ``process_pool``, in each process of the pool
 
 
@@ -69,7 +72,7 @@ class Pool:
 
     Attributes
     ----------
-    jobs : maximum number of parallel jobs, 1 or more; None: the number of usable cores
+    jobs : maximum number of parallel jobs, 1 or more; None: the number of ``limit_jobs``, or of usable cores
     """
 
     jobs: int | None = None
@@ -90,10 +93,20 @@ class Pool:
         BrokenProcessPool
             If a process dies, most likely because the memory is full.
         """
-        count = min(self.jobs or usable_cores(), len(items))
+        count = min(self.jobs or _JOBS_MAX.get() or usable_cores(), len(items))
         if count <= 1 or _INSIDE.get():
             return (work(item) for item in items)
         return (_by_threads if threads or not _CAN_FORK else _by_processes)(work, items, count)
+
+
+@contextmanager
+def limit_jobs(jobs: int | None) -> Iterator[None]:
+    """Limit the jobs of all pools without an own number in a ``with`` block; None: no limit."""
+    token = _JOBS_MAX.set(jobs)
+    try:
+        yield
+    finally:
+        _JOBS_MAX.reset(token)
 
 
 @contextmanager
