@@ -17,17 +17,12 @@ from mrdamper.identify.evaluate import (
     prepare_for,
 )
 from mrdamper.identify.evaluate import evaluate as errors_of
-from mrdamper.models.damper import OperatingEnvelope
 from mrdamper.models.dependence import Constant, TemperatureDependent
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import Arrhenius
 from tests.identify.reference_dampers import NO_SMOOTHING, REFERENCE_DAMPERS
 from tests.models.test_card import a_card
 
-SEEN = OperatingEnvelope(
-    command=(0.0, 2.0), displacement=(-0.01, 0.01), velocity=(-0.1, 0.1), temperature=(293.15, 333.15),
-    acceleration=(-2.0, 1.0), frequency=(0.5, 4.0),
-)  # fmt: skip
 LAW = REFERENCE_DAMPERS["bouc-wen"]
 
 

@@ -44,9 +44,7 @@ _CAN_FORK = sys.platform == "linux"
 _PR_SET_PDEATHSIG = 1
 _INSIDE: ContextVar[bool] = ContextVar("inside the work of a pool", default=False)
 _THREADS: ContextVar[int] = ContextVar("number of threads of a computation", default=1)
-_JOBS_MAX: ContextVar[int | None] = ContextVar(
-    "maximum number of jobs of a pool", default=None
-)
+_JOBS_MAX: ContextVar[int | None] = ContextVar("maximum number of jobs of a pool", default=None)
 _shared: list[Any] = []  # arguments ``shared`` of ``process_pool``, in each process of the pool
 
 

@@ -24,8 +24,6 @@ from mrdamper.thermal.settings import SETTINGS
 Place = Literal["fluid", "wall", "coil"]
 """Position of the thermometer; ``wall`` is the body."""
 
-NORMAL_PER_MAD = 1.4826  # standard deviation of a normal distribution divided by median absolute deviation
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeatingCurve:
