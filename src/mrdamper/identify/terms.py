@@ -107,14 +107,13 @@ class Term:
 class Archetype:
     """Terms (groups of coefficients) and start values that are typical of one kind of damper.
 
-    An *alternative* has nearly the same forces at constant current as the previous archetype in the list.
-    Only runs with changing current distinguish the two archetypes. The start values of an alternative contain
-    only the coefficients that differ from the previous archetype.
+    ``alternative`` contains different start values of some coefficients. They lead to a damper with nearly
+    the same forces at constant current. Only runs with changing current distinguish the two dampers.
     """
 
     terms: tuple[str, ...]
     start: Mapping[str, float]
-    is_alternative: bool = False
+    alternative: Mapping[str, float] = field(default_factory=dict)
 
 
 _Free = FreeCoefficient
@@ -304,12 +303,12 @@ _CHAIN_TERMS = (
     Term(FOLLOW_TERM, (_Free("follow_share", "constant", 0.0, 1.0, start=0.5),), needs=("bristles",)),
 )
 
-_ELASTIC_TERMS = ("bristles", "spread", "friction", "thinning")
-
 _CHAIN_ARCHETYPES = (
     Archetype(("position", "friction"), {}),  # Damper with free play and a viscoplastic valve.
-    Archetype(  # Damper with a shear-thinning elastic fluid and seal friction.
-        _ELASTIC_TERMS,
+    # Damper with a shear-thinning elastic fluid and seal friction. The alternative has more leakage, but is
+    # less stiff in the gap.
+    Archetype(
+        ("bristles", "spread", "friction", "thinning"),
         {
             "gap_stiffness": 1e4,
             "gap": 1e-3,
@@ -320,11 +319,7 @@ _CHAIN_ARCHETYPES = (
             "thinning": 1e-3,
             "thinning_force": 0.3,
         },
-    ),
-    Archetype(  # Damper with a shear-thinning elastic fluid and more leakage, but less stiff in the gap.
-        _ELASTIC_TERMS,
-        {"gap_stiffness": 2.0, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 40.0},
-        is_alternative=True,
+        alternative={"gap_stiffness": 2.0, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 40.0},
     ),
     Archetype(  # Damper with a fluid that creeps in the gap before it yields.
         ("viscosity", "creep", "bypass", "knee", "friction"), {"yield_velocity": 3e-3, "creep": 0.3}
@@ -332,14 +327,8 @@ _CHAIN_ARCHETYPES = (
 )
 
 _CHAIN_STARTS: tuple[Mapping[str, float], ...] = tuple(
-    {
-        "gap_stiffness": stiffness,
-        "gap": gap,
-        "gap_corner": corner,
-        "leak_damping": leak,
-        "yield_velocity": yield_velocity,
-    }
-    for stiffness, gap, corner, leak, yield_velocity in (
+    dict(zip(("gap_stiffness", "gap", "gap_corner", "leak_damping", "yield_velocity"), values, strict=True))
+    for values in (
         (50.0, 0.02, 0.01, 10.0, 0.03),
         (400.0, 0.007, 0.002, 4.0, 0.015),
         (2e3, 0.002, 0.001, 4.0, 0.015),

@@ -129,7 +129,6 @@ class Descents:
         self._update_model(k, found)
 
     def _update_model(self, k: NDArray[np.intp], found: Eliminated) -> None:
-        assert found.gram is not None
         self._slopes[k] = np.where(self._box.log, self._box.to_physical(self.points[k]), 1.0)
         self._is_rough[k] = found.drift > NUMERICS.failed_drift_max
         is_inaccurate = (found.drift > NUMERICS.drift_max) & ~self.done[k]
@@ -176,8 +175,7 @@ class Descents:
 
 
 def _rows(found: Eliminated, which: BoolArray) -> Eliminated:
-    gram = None if found.gram is None else found.gram[which]
-    return Eliminated(found.cost[which], found.linear[which], gram, found.drift[which])
+    return Eliminated(found.cost[which], found.linear[which], found.gram[which], found.drift[which])
 
 
 def _steps_in_box(

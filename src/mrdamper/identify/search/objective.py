@@ -57,7 +57,7 @@ class Eliminated:
 
     cost: FloatArray  # [%^2]; inf if the simulation diverged
     linear: FloatArray
-    gram: FloatArray | None
+    gram: FloatArray
     drift: FloatArray
 
 
@@ -105,16 +105,16 @@ class Objective:
     ) -> Eliminated:
         """Return parameter sets in which the best linear parameters replace ``linear``.
 
-        If ``tangents`` is False, no Gram matrix is returned. The new cost is computed as the initial cost
-        minus the improvement. If rounding errors dominate the difference, the elimination is repeated once,
-        with the new linear parameters as initial values.
+        If ``tangents`` is False, the Gram matrix lacks the nonlinear parameters. The new cost is computed as
+        the initial cost minus the improvement. If rounding errors dominate the difference, the elimination is
+        repeated once, with the new linear parameters as initial values.
         """
         g = self.sums(nonlinear, linear, tangents=tangents)
         skip = len(self.nonlinear) if tangents else 0
         inner, right = g[:, skip:-1, skip:-1], g[:, skip:-1, -1]
         guessed = np.where(np.isfinite(g[:, -1, -1]), g[:, -1, -1], np.inf)
         if not inner.shape[1]:
-            return Eliminated(guessed, linear, g if tangents else None, np.zeros(len(g)))
+            return Eliminated(guessed, linear, g, np.zeros(len(g)))
         floor = self._floor - linear @ self._rows.T
         pulled = inner + np.diag(self._light)
         moved = _bounded_least_squares(pulled, right - self._light * linear, self._rows, floor)
@@ -126,17 +126,15 @@ class Objective:
         present = linear + moved
         force = np.einsum("bi,bij,bj->b", present, inner, present)
         drift = np.sqrt(np.maximum(np.sum(moved * change, axis=1), 0.0) / np.maximum(force, 1e-300))
-        if tangents:
-            g[:, :-1, -1] -= np.einsum("bij,bj->bi", g[:, :-1, skip:-1], moved)
-            g[:, -1, :-1] = g[:, :-1, -1]
-            g[:, -1, -1] = cost
+        g[:, :-1, -1] -= np.einsum("bij,bj->bi", g[:, :-1, skip:-1], moved)
+        g[:, -1, :-1] = g[:, :-1, -1]
+        g[:, -1, -1] = cost
         cost[~np.isfinite(cost)] = np.inf
         if len(blurred) and not is_repeated:
             again = self.eliminate(nonlinear[blurred], present[blurred], tangents=tangents, is_repeated=True)
             cost[blurred], present[blurred], drift[blurred] = again.cost, again.linear, again.drift
-            if again.gram is not None:
-                g[blurred] = again.gram
-        return Eliminated(cost, present, g if tangents else None, drift)
+            g[blurred] = again.gram
+        return Eliminated(cost, present, g, drift)
 
     def sums(self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True) -> FloatArray:
         """Return the Gram matrices of candidates (parameter sets).

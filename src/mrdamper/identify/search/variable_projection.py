@@ -21,17 +21,17 @@ Method: Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432; Kaufman, BIT 15
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError
 from mrdamper.identify.limits import make_feasible
-from mrdamper.identify.problem import FitProblem, FreeParameter, SearchResult, Start, canonical
+from mrdamper.identify.problem import FitProblem, SearchResult, Start, canonical
 from mrdamper.identify.search.descent import Descents
 from mrdamper.identify.search.objective import Box, Objective
-from mrdamper.identify.settings import NUMERICS, FitSettings
+from mrdamper.identify.settings import NUMERICS
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.identify.windows import FitWindow
 from mrdamper.models.damper import Damper
@@ -70,8 +70,8 @@ def fit_variable_projection(
 ) -> SearchResult:
     """Return the fit with the smallest cost, found by descents from given dampers and random starts.
 
-    The cost is never larger than the cost of a given damper. After an interrupt (Ctrl-C), the result has the
-    best parameters so far. Raise ConvergenceError if no start has a finite cost.
+    The cost is never larger than the cost of a given damper. After an interrupt (Ctrl-C) of a descent, the
+    result has the best parameters so far. Raise ConvergenceError if no start has a finite cost.
 
     Parameters
     ----------
@@ -80,19 +80,14 @@ def fit_variable_projection(
     on_progress : receives a ``SearchState`` after every accepted step
     """
     windows = problem.windows() if windows is None else tuple(windows)
-    objective, settings = Objective(problem, windows), problem.settings
-    starting_dampers, cancelled = list(dampers), False
-    try:
-        screening = problem.windows(settings.screening_samples_max) if starts else ()
-        for index in range(starts):
-            starting_dampers += random_start(problem, index, screening)
-    except KeyboardInterrupt:
-        if not starting_dampers:
-            raise
-        settings, cancelled = replace(settings, start_count=1, iterations_max=1), True
+    objective, starting_dampers = Objective(problem, windows), list(dampers)
+    screening = problem.windows(problem.settings.screening_samples_max) if starts else ()
+    for index in range(starts):
+        starting_dampers += screened_starts(problem, random_dampers(problem, index), screening)
     ends: list[Descents] = []
+    cancelled = False
     try:
-        _descend(objective, starting_dampers or [problem.template], settings, ends, on_progress)
+        _descend(objective, starting_dampers or [problem.template], ends, on_progress)
     except KeyboardInterrupt:
         if not ends:
             raise
@@ -122,16 +117,13 @@ def fit_variable_projection(
 
 
 def _descend(
-    objective: Objective,
-    dampers: Sequence[Damper],
-    settings: FitSettings,
-    ends: list[Descents],
-    on_progress: Progress,
+    objective: Objective, dampers: Sequence[Damper], ends: list[Descents], on_progress: Progress
 ) -> None:
     """Make short descents from the best dampers, then continue the best descent until it converges.
 
     Each descent is added to ``ends``, so that its result is available after an interrupt.
     """
+    settings = objective.problem.settings
     chosen = best_different(objective, dampers, settings.start_count, settings.same_cost_ratio)
     steps_max = settings.start_iterations_max if len(chosen) > 1 else settings.iterations_max
 
@@ -154,16 +146,6 @@ def _descend(
     if len(ends) > 1 and not ends[best].converged[0]:
         ends[best].extend(settings.iterations_max)
         run(best)
-
-
-def random_start(problem: FitProblem, index: int, windows: Sequence[FitWindow]) -> list[Damper]:
-    """Make descents from the best of many random points; return the resulting dampers, best first.
-
-    ``index`` selects the random points. Costs are computed on ``windows``, a small part of the runs.
-    """
-    if not problem.nonlinear:
-        return [problem.template]
-    return screened_starts(problem, random_dampers(problem, index), windows)
 
 
 def thorough_starts(
@@ -225,15 +207,20 @@ def thorough_starts(
     return [objective.damper_at(*end) for end in zip(points, linear, strict=True)]
 
 
-def random_dampers(problem: FitProblem, index: int) -> list[Damper]:
-    """Return template dampers with nonlinear parameters from a Latin hypercube."""
-    settings = problem.settings
-    count = min(settings.draw_count_max, settings.draws_per_parameter * max(len(problem.nonlinear), 2))
+def random_dampers(problem: FitProblem, seed: int) -> list[Damper]:
+    """Return template dampers with random nonlinear parameters.
+
+    The parameters are a Latin hypercube of search coordinates over the middle 80 % of the range of each one.
+    """
+    settings, size = problem.settings, len(problem.nonlinear)
+    count = min(settings.draw_count_max, settings.draws_per_parameter * max(size, 2))
     if problem.template.law.kernel is None:
         count = NUMERICS.python_law_draw_count
-    values = Box.from_parameters(problem.nonlinear).to_physical(
-        latin_hypercube(problem.nonlinear, count, index)
-    )
+    rng = np.random.default_rng(seed)
+    cell = rng.permuted(np.tile(np.arange(count), (size, 1)), axis=1).T
+    unit = (cell + rng.random((count, size))) / count
+    box = Box.from_parameters(problem.nonlinear)
+    values = box.to_physical(box.low + (0.1 + 0.8 * unit) * (box.high - box.low))
     names = [free.name for free in problem.nonlinear]
     return [problem.template.with_parameters(dict(zip(names, row, strict=True))) for row in values.tolist()]
 
@@ -355,15 +342,3 @@ def best_different(
         return list(dampers)
     kept = _different(objective.costs_of(dampers), count, ratio)
     return [dampers[k] for k in kept] or list(dampers[:1])
-
-
-def latin_hypercube(free: Sequence[FreeParameter], count: int, seed: int) -> FloatArray:
-    """Return ``count`` points of a Latin hypercube over the middle 80 % of the range of each parameter.
-
-    The points are search coordinates.
-    """
-    rng = np.random.default_rng(seed)
-    cell = rng.permuted(np.tile(np.arange(count), (len(free), 1)), axis=1).T
-    unit = (cell + rng.random((count, len(free)))) / count
-    box = Box.from_parameters(free)
-    return np.asarray(box.low + (0.1 + 0.8 * unit) * (box.high - box.low))

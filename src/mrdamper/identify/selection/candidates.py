@@ -30,15 +30,6 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CandidateStarts:
-    """Dampers at which the fit of a candidate starts, and their smallest error [%] on a few windows."""
-
-    candidate: Candidate
-    dampers: list[Damper]
-    error_percent: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class FittedCandidate:
     """A candidate (law with terms) fitted to all windows, and the training error [%] of the fit."""
 
@@ -55,42 +46,32 @@ class ValidatedCandidate:
 
     The total error is the mean of two errors: on runs with constant current, and on runs with changing
     current. The two kinds of runs have equal weight because most laboratory runs have constant current, but a
-    controller changes the current all the time. Arrays have one value per window, except
-    ``changing_squared_errors``.
+    controller changes the current all the time. Arrays have one value per held-out window, except
+    ``changing_percent_by_run``.
     """
 
     fitted: FittedCandidate  # fit to all windows
     dampers: tuple[Damper, ...]  # one fit per held-out fold, in the order of the folds
-    squared_errors: FloatArray  # held-out error of each window [%^2]; NaN if no fold holds out the window
+    squared_errors: FloatArray  # error of each window [%^2]
     fractions: FloatArray  # weight of each window
-    folds: NDArray[np.intp]  # index of the fold that holds out the window; -1 if no fold does
+    folds: NDArray[np.intp]  # index of the fold that holds out the window
     runs: NDArray[np.intp]  # index of the run of each window
     cpu_s: float
-    # Squared error [%^2] of each run with changing current.
-    changing_squared_errors: FloatArray = field(default_factory=lambda: np.zeros(0))
+    changing_percent_by_run: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def cv_percent_by_run(self) -> FloatArray:
         """Error [%] of each held-out run with constant current."""
-        weighted = np.where(self._is_held_out, self.fractions * self.squared_errors, 0.0)
-        total = np.bincount(self.runs, weights=weighted)
-        weight = np.bincount(self.runs, weights=np.where(self._is_held_out, self.fractions, 0.0))
-        squares = total[weight > 0.0] / weight[weight > 0.0]
-        return np.asarray(np.sqrt(squares))
-
-    @property
-    def changing_percent_by_run(self) -> FloatArray:
-        """Error [%] of each run with changing current."""
-        return np.asarray(np.sqrt(self.changing_squared_errors))
+        total = np.bincount(self.runs, weights=self.fractions * self.squared_errors)
+        weight = np.bincount(self.runs, weights=self.fractions)
+        return np.asarray(np.sqrt(total[weight > 0.0] / weight[weight > 0.0]))
 
     @property
     def cv_rms_percent(self) -> float:
         """Root of the mean squared error [%] of held-out windows and of runs with changing current."""
-        held_out = self._is_held_out
-        weight = self.fractions[held_out]
-        means = [float(weight @ self.squared_errors[held_out] / weight.sum())]
-        if self.changing_squared_errors.size:
-            means.append(float(self.changing_squared_errors.mean()))
+        means = [float(self.fractions @ self.squared_errors / self.fractions.sum())]
+        if self.changing_percent_by_run.size:
+            means.append(float(np.mean(self.changing_percent_by_run**2)))
         return float(np.sqrt(np.mean(means)))
 
     @property
@@ -99,11 +80,7 @@ class ValidatedCandidate:
 
         The reason is that a cross-validation error is rarely smaller than the training error.
         """
-        return self.cv_rms_percent * (np.sqrt(2.0) if self.changing_squared_errors.size else 1.0)
-
-    @property
-    def _is_held_out(self) -> NDArray[np.bool_]:
-        return self.folds >= 0
+        return self.cv_rms_percent * (np.sqrt(2.0) if self.changing_percent_by_run.size else 1.0)
 
     @property
     def cv_mean_percent(self) -> float:
@@ -114,20 +91,18 @@ class ValidatedCandidate:
         """
         weights, errors_percent, _ = self._run_errors()
         means = [float(weights @ errors_percent)]
-        if self.changing_squared_errors.size:
+        if self.changing_percent_by_run.size:
             means.append(float(self.changing_percent_by_run.mean()))
         return float(np.mean(means))
 
     def _run_errors(self) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
         """Return weight, error [%] and fold number for each combination of a held-out run and a fold."""
-        held_out = self._is_held_out
-        folds, runs = self.folds[held_out], self.runs[held_out]
-        fractions, squares = self.fractions[held_out], self.squared_errors[held_out]
-        _, first, part = np.unique(np.stack([runs, folds]), axis=1, return_index=True, return_inverse=True)
+        pairs = np.stack([self.runs, self.folds])
+        _, first, part = np.unique(pairs, axis=1, return_index=True, return_inverse=True)
         part = part.reshape(-1)
-        weights = np.bincount(part, weights=fractions)
-        errors_percent = np.sqrt(np.bincount(part, weights=fractions * squares) / weights)
-        return weights / weights.sum(), errors_percent, folds[first]
+        weights = np.bincount(part, weights=self.fractions)
+        squares = np.bincount(part, weights=self.fractions * self.squared_errors) / weights
+        return weights / weights.sum(), np.sqrt(squares), self.folds[first]
 
     def gain_relative_to(self, other: ValidatedCandidate) -> tuple[float, float]:
         """Return the relative decrease of the mean error versus ``other``, and its t statistic.

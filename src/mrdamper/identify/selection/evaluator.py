@@ -27,16 +27,10 @@ from mrdamper.identify.search.variable_projection import (
     descend,
     first_starts,
     random_dampers,
-    random_start,
     screened_starts,
     thorough_starts,
 )
-from mrdamper.identify.selection.candidates import (
-    Candidate,
-    CandidateStarts,
-    FittedCandidate,
-    ValidatedCandidate,
-)
+from mrdamper.identify.selection.candidates import Candidate, FittedCandidate, ValidatedCandidate
 from mrdamper.identify.selection.settings import DEFAULT_SETTINGS, SelectionSettings
 from mrdamper.identify.selection.starts import (
     asymmetry_percent,
@@ -113,66 +107,75 @@ class CandidateEvaluator:
         """
         return self.data.problem(candidate.law, candidate.terms, start)
 
-    def archetypes(self, law: str) -> tuple[Archetype | None, ...]:
-        """Return the archetypes (typical sets of terms) with which the selection starts; None: default terms.
+    def initial_candidates(self, law: str) -> list[tuple[Candidate, Archetype | None]]:
+        """Return the candidates with which the selection of terms starts, each with its archetype.
+
+        The archetype (typical set of terms) is None if the candidate has default terms or terms of the user.
+        """
+        archetypes = self._archetypes(law) if self._terms is None else ()
+        return [(Candidate(law, kind.terms), kind) for kind in archetypes] or [
+            (self.initial_candidate(law), None)
+        ]
+
+    def _archetypes(self, law: str) -> tuple[Archetype, ...]:
+        """Return the archetypes of a law, with further terms if the runs require them.
 
         If the mean force of a run depends on temperature, every archetype includes a gas force, because a
         later addition would not lead to the best damper. If the mean force of a run grows with the amplitude
         of the force, the damper is asymmetric. An asymmetric version of every archetype is then added.
         """
-        return (self._archetypes(law) if self._terms is None else ()) or (None,)
-
-    def _archetypes(self, law: str) -> tuple[Archetype, ...]:
         kinds = archetypes_of(LAWS[law])
-        if not self.changing_runs:
-            kinds = tuple(kind for kind in kinds if not kind.is_alternative)
         if self._level is not None:
             kinds = tuple(replace(kind, terms=(*kind.terms, GAS_TERM)) for kind in kinds)
         if not self._asymmetric:
             return kinds
         return (*kinds, *(replace(kind, terms=(*kind.terms, *ASYMMETRY_TERMS)) for kind in kinds))
 
-    def initial_starts(self, law: str, archetype: Archetype | None) -> CandidateStarts:
-        """Return the results of short descents for the first candidate (set of terms) of a law.
-
-        The selection of terms begins with this candidate.
-        """
-        candidate = self.initial_candidate(law) if archetype is None else Candidate(law, archetype.terms)
+    def initial_starts(self, candidate: Candidate, archetype: Archetype | None) -> tuple[list[Damper], float]:
+        """Make short descents for an initial candidate; return the dampers and their smallest error [%]."""
         problem, windows = self.problem(candidate), self.screening_windows
-        if archetype is not None:
-            starts = first_starts(problem, self._archetype_points(candidate, archetype), windows)
-        elif archetypes_of(LAWS[law]) or not problem.nonlinear:
-            starts = self.starts(candidate)
+        if archetype is None and archetypes_of(LAWS[candidate.law]):
+            dampers = self.starts(candidate)
+        elif archetype is None:
+            dampers = first_starts(problem, random_dampers(problem, 0), windows)
         else:
-            starts = first_starts(problem, random_dampers(problem, 0), windows)
-        cost = Objective(problem, windows).costs_of(starts).min()
-        return CandidateStarts(candidate, starts, float(np.sqrt(cost)))
+            dampers = first_starts(problem, self._archetype_points(candidate, archetype), windows)
+        return dampers, float(np.sqrt(Objective(problem, windows).costs_of(dampers).min()))
 
-    def fit_starts(self, starts: CandidateStarts, *, with_descent: bool = True) -> FittedCandidate:
-        """Fit a candidate, starting at the results of its short descents.
+    def fit_starts(
+        self,
+        candidate: Candidate,
+        archetype: Archetype | None,
+        dampers: list[Damper],
+        error_percent: float,
+        error_percent_max: float,
+    ) -> list[FittedCandidate]:
+        """Fit an initial candidate, starting at the results of its short descents and their error.
 
-        Before the fit, the descents are continued on the screening windows. If ``with_descent`` is False,
-        there is no fit, and the damper in ``starts`` with the smallest error is returned.
+        Before the fit, the descents are continued on the screening windows. The second result is the fit of
+        the alternative of the archetype. If the error exceeds ``error_percent_max``, there is no fit, and the
+        damper with the smallest error is returned.
         """
-        start_s, candidate, problem = cpu_seconds(), starts.candidate, self.problem(starts.candidate)
-        if not with_descent:
-            best = best_different(Objective(problem, self.windows), starts.dampers)[0]
-            return self._fitted(candidate, best, start_s)
-        return self.fit(candidate, continued_starts(problem, starts.dampers, self.screening_windows))
-
-    def fit_alternative(self, archetype: Archetype, fitted: FittedCandidate) -> FittedCandidate:
-        """Fit an alternative archetype, starting at the fit of the previous archetype.
-
-        Only the coefficients that differ between the two archetypes are reset to start values.
-        """
-        return self.fit(fitted.candidate, [self._alternative_start(archetype, fitted)])
+        start_s, problem = cpu_seconds(), self.problem(candidate)
+        if error_percent > error_percent_max:
+            best = best_different(Objective(problem, self.windows), dampers)[0]
+            return [self._fitted(candidate, best, start_s)]
+        fits = [self.fit(candidate, continued_starts(problem, dampers, self.screening_windows))]
+        if archetype is not None and archetype.alternative and self.changing_runs:
+            with suppress(ConvergenceError):
+                fits.append(self.fit(candidate, [self._alternative_start(archetype, fits[0])]))
+        return fits
 
     def starts(self, candidate: Candidate) -> list[Damper]:
         """Return the dampers from which the search for a candidate's parameters starts, best first."""
-        problem, archetypes = self.problem(candidate), self._archetypes(candidate.law)
-        if not archetypes:
-            return random_start(problem, 0, self.screening_windows)
-        starts = [self._archetype_starts(candidate, kind)[0] for kind in archetypes]
+        problem, starts = self.problem(candidate), []
+        for archetype in self._archetypes(candidate.law):
+            points = self._archetype_points(candidate, archetype)
+            starts.append(screened_starts(problem, points, self.screening_windows)[0])
+            if archetype.alternative and self.changing_runs:
+                starts.append(self._alternative_start(archetype, self.fit(candidate, starts[-1:])))
+        if not starts:
+            return screened_starts(problem, random_dampers(problem, 0), self.screening_windows)
         best = best_different(Objective(problem, self.windows), starts)[0]
         starts += self._with_restarted_terms(candidate, best)
         return thorough_starts(problem, starts, self.windows, self.windows, self.pool)
@@ -215,27 +218,15 @@ class CandidateEvaluator:
                 candidate = candidate.with_term(name)
         return candidate
 
-    def _archetype_starts(self, candidate: Candidate, archetype: Archetype) -> list[Damper]:
-        """Descend from start values of a typical set of terms; return the resulting dampers, best first."""
-        if archetype.is_alternative:
-            kinds = self._archetypes(candidate.law)
-            previous = self._archetype_starts(candidate, kinds[kinds.index(archetype) - 1])
-            return [self._alternative_start(archetype, self.fit(candidate, previous[:1]))]
-        points = self._archetype_points(candidate, archetype)
-        return screened_starts(self.problem(candidate), points, self.screening_windows)
-
     def _alternative_start(self, archetype: Archetype, fitted: FittedCandidate) -> Damper:
-        """Return a fitted damper with the start values of an alternative set of terms."""
-        template = self.problem(fitted.candidate, archetype.start).template.parameters
-        own = [name for name in template if name.partition(".")[0] in archetype.start]
+        """Return a fitted damper with the alternative start values of an archetype."""
+        template = self.problem(fitted.candidate, archetype.alternative).template.parameters
+        own = [name for name in template if name.partition(".")[0] in archetype.alternative]
         return fitted.damper.with_parameters({name: template[name] for name in own})
 
     def _archetype_points(self, candidate: Candidate, archetype: Archetype) -> list[Damper]:
         """Combine the start values of an archetype and of the law; return the dampers."""
-        starts = [
-            archetype.start,
-            *({**archetype.start, **start} for start in starts_of(LAWS[candidate.law])),
-        ]
+        starts = [{**archetype.start, **start} for start in ({}, *starts_of(LAWS[candidate.law]))]
         dampers = [self.problem(candidate, start).template for start in starts]
         if self._level is not None and GAS_TERM in candidate.terms:
             level = dict(zip(("offset.c00", "offset.c01"), self._level, strict=True))
@@ -361,21 +352,22 @@ class CandidateEvaluator:
         squares = np.full(len(self.windows), np.nan)
         folds = np.full(len(self.windows), -1, dtype=np.intp)
         for number, (fold, (_, errors)) in enumerate(zip(self.folds, results, strict=True)):
-            held_out = [k for k, window in enumerate(self.windows) if fold.holds_out(window)]
+            held_out = [fold.holds_out(window) for window in self.windows]
             squares[held_out], folds[held_out] = errors, number
+        in_fold = folds >= 0
         return ValidatedCandidate(
             fitted,
             tuple(damper for damper, _ in results),
-            squares,
-            np.array([window.fraction for window in self.windows]),
-            folds,
-            np.array([window.run for window in self.windows], dtype=np.intp),
+            squares[in_fold],
+            np.array([window.fraction for window in self.windows])[in_fold],
+            folds[in_fold],
+            np.array([window.run for window in self.windows], dtype=np.intp)[in_fold],
             cpu_seconds() - start_s,
             np.array(changing),
         )
 
     def _evaluate_changing_runs(self, damper: Damper, response: Damper | None) -> tuple[Damper, list[float]]:
-        """Fit delay and lags; return the damper and the error [%^2] of each run with changing current.
+        """Fit delay and lags; return the damper and the error [%] of each run with changing current.
 
         Delay and lags are fitted to one run of each motion, starting at the values of ``response``.
         """
@@ -394,7 +386,7 @@ class CandidateEvaluator:
                     follow_share_step_min=settings.changing_share_step_min,
                 ),
             )
-        return damper, [score_run(damper, run).nrmse_percent ** 2 for run in self.changing_runs]
+        return damper, [score_run(damper, run).nrmse_percent for run in self.changing_runs]
 
 
 def _decimated(run: PreparedRun, settings: SelectionSettings) -> PreparedRun:
