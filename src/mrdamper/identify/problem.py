@@ -51,10 +51,6 @@ class FreeParameter:
         """Return the search coordinate of a value: the value or its logarithm."""
         return np.log(value) if self.scale == "log" else np.asarray(value, dtype=np.float64)
 
-    def to_physical(self, coordinate: float) -> float:
-        """Return the parameter value at a search coordinate."""
-        return math.exp(coordinate) if self.scale == "log" else float(coordinate)
-
 
 @dataclass(frozen=True)
 class FitProblem:
@@ -64,10 +60,6 @@ class FitProblem:
     free: tuple[FreeParameter, ...]
     runs: tuple[PreparedRun, ...]
     settings: FitSettings = DEFAULT_SETTINGS
-
-    def __post_init__(self) -> None:
-        if not self.runs:
-            raise InputError("no training runs", expected="runs to fit", remedy="Hold out fewer")
 
     @cached_property
     def nonlinear(self) -> tuple[FreeParameter, ...]:
@@ -114,19 +106,18 @@ class FitProblem:
             floor.append((least - fixed)[needed])
         return np.concatenate(rows), np.concatenate(floor)
 
-    def windows(self, samples_max: int | None = None, blocks: int = 1) -> tuple[FitWindow, ...]:
+    def windows(self, samples_max: float = math.inf, blocks: int = 1) -> tuple[FitWindow, ...]:
         """Return windows (sections) of the runs: all data, or at most ``samples_max`` simulated samples.
 
-        With ``samples_max=None``, all data are used unless the runs with changing current are too long (see
+        By default, all data are used unless the runs with changing current are too long (see
         ``FitSettings``). ``blocks`` is the number of equal time blocks of each run. No window extends over
         two blocks.
         """
-        limit = math.inf if samples_max is None else samples_max
         if changing_sample_count(self.runs, self.settings) > self.settings.changing_samples_max:
-            limit = min(limit, self.settings.changing_samples_max)
-        if limit == math.inf and blocks == 1:
+            samples_max = min(samples_max, self.settings.changing_samples_max)
+        if samples_max == math.inf and blocks == 1:
             return run_windows(self.runs, self.settings)
-        return representative_windows(self.runs, self.settings, samples_max=limit, blocks=blocks)
+        return representative_windows(self.runs, self.settings, samples_max=samples_max, blocks=blocks)
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,10 +199,7 @@ def canonical(damper: Damper) -> Damper:
     if damper.law.name != "double-bouc-wen" or forms["rho"].value(0.0) >= forms["second_rho"].value(0.0):
         return damper
     for one, other in (("rho", "second_rho"), ("yield_force", "second_force")):
-        if (
-            type(forms[one]) is not type(forms[other])
-            or forms[one].parameter_names != forms[other].parameter_names
-        ):
+        if forms[one].parameter_names != forms[other].parameter_names:
             return damper
         forms[one], forms[other] = forms[other], forms[one]
     return replace(damper, coefficients=forms)

@@ -23,10 +23,9 @@ class FitSettings:
     rate_Hz: float = 200.0  # sampling rate of a fast motion
     samples_per_period: float = 180.0  # number of samples per period of a slow motion
 
-    # Windows (sections of runs). Each window begins with an unknown hysteresis state. After a warm-up of one
-    # period, the resulting force error is 0.02 % (median run) or 1 % (worst run) of the standard deviation.
-    window_periods: float = 1.0  # scored length of a window, in periods of the motion
-    warm_up_periods: float = 1.0  # length of the unscored simulation before a window, in periods
+    # Windows (sections of runs) have the length of one period of the motion. Each window begins with an
+    # unknown hysteresis state. After an unscored warm-up of one period, the resulting force error is 0.02 %
+    # (median run) or 1 % (worst run) of the standard deviation.
     window_samples_min: int = 32  # min length of a window, and also of the warm-up, in samples
     # The kernel evaluates windows with changing current one by one. If the number of samples with changing
     # current exceeds this limit, the fit uses a subset of the data.
@@ -36,12 +35,11 @@ class FitSettings:
     temperature_change_K_max: float = 1.0  # A window with a larger temperature change is divided.
 
     # Windows are selected by their distance from each other. Two windows have distance 1 if one of the
-    # following quantities differs by the stated amount.
+    # following quantities differs by the stated amount, or the time by the length of the run.
     size_ratio: float = 1.3  # ratio of amplitudes or speeds
     position_step: float = 0.2  # difference of the mean positions, divided by the stroke
     current_step: float = 0.1  # difference of the mean currents, divided by the largest current
     temperature_step_K: float = 10.0
-    time_step: float = 1.0  # difference of the times, divided by the length of the run
 
     # Search for initial values of the parameters. The search uses only few windows of the runs.
     random_start_count: int = 3  # number of sets of random points, for laws without a table of start values
@@ -83,12 +81,9 @@ class NumericalSettings:
     # Windows (sections of runs): limits for cutting and joining, simulation effort, and folds
     same_weight_tolerance: float = 1e-6  # relative difference of two weights that count as equal
     steps_per_period_min: int = 380  # min number of integration steps per period, for slow motions
-    steps_per_sample: int = 4  # A sample that needs more integration steps counts as several samples.
     parallel_window_count: int = 8  # number of windows that the kernel integrates in parallel
     fold_count_max: int = 5
-    # Two runs have the same motion if the standard deviations of displacement and of velocity differ by a
-    # smaller factor.
-    fold_motion_ratio: float = 1.3
+    fold_motion_ratio: float = 1.3  # like ``same_motion_ratio``, for the motions that folds hold out
     # Limits in the fit of delay and lags. Long runs are resampled, but not below 200 Hz, which is necessary
     # to resolve time constants of 5 ms.
     actuation_samples_max: int = 100_000
@@ -120,15 +115,13 @@ class NumericalSettings:
     # If the elimination reduces the cost below this fraction, rounding errors dominate the cost.
     resolved_cost_ratio: float = 1e-9
     active_stiffness: float = 1e8  # relative stiffness of the penalty that keeps a coefficient at its limit
-    sum_count_max: int = 1 << 21  # max total number of elements of the Gram matrices that are in memory
     invalid_cost: float = 1e6  # cost of a candidate whose coefficients are invalid in all runs [%^2]
 
     # Thorough search
     # Each perturbation is a pair: the fraction of the coordinates that are changed, and the standard
     # deviation of the change. The unit is an e-fold for coordinates on a logarithmic scale.
     perturbations: tuple[tuple[float, float], ...] = ((1.0, 0.1), (0.5, 0.5), (0.2, 1.5), (0.5, 1.5))
-    # Unit of the change for coordinates on a linear scale, divided by the range between the bounds
-    perturbation_range_ratio: float = 0.1
+    perturbation_range_ratio: float = 0.1  # unit on a linear scale / range between the bounds
     # Fractions of the coefficients that are replaced by values from a different minimum
     exchanged_fractions: tuple[float, ...] = (0.15, 0.3, 0.5)
     python_law_draw_count: int = 8  # points in each random set for a slow law in Python
@@ -139,8 +132,7 @@ class NumericalSettings:
     limit_command_count: int = 1001  # currents at which the coefficients of a fitted damper are checked
     reported_change_min: float = 1e-3  # A larger relative change by limiting a coefficient is reported.
     bisection_count: int = 40
-    # Max relative change of the valve force between centre and end of the stroke. A change of 1 would reverse
-    # the force.
+    # Max relative change of the valve force between centre and end of the stroke. 1 would reverse the force.
     position_change_max: float = 0.99
 
     # Temperature dependence. A relative decrease below 1 keeps a linear factor positive in the runs.

@@ -99,7 +99,17 @@ def template(
     scale = scale or scale_of(runs)
     entries = list(base_of(law))
     if scale.levels < 2 and not one_command:
-        raise _single_command_error(law, entries, runs)
+        raise InputError(
+            found=(
+                f"all {len(runs)} training runs have one command ({runs[0].trajectory.command[0]:g} "
+                f"{runs[0].run.command_unit}); the dependence of the force on the command cannot be "
+                "identified from them"
+            ),
+            remedy=(
+                "Add the same tests at two or more other commands, or use mrdamper fit --one-command for a "
+                "model of this command alone"
+            ),
+        )
     follows_temperature = temperature != "none" and fluid is None and _has_temperature(runs, temperature)
     temperature_dependent = all(run.trajectory.temperature is not None for run in runs)
     campaign = temperature_dependent and fluid is None and temperature != "paper"
@@ -132,23 +142,6 @@ def template(
         margin = NUMERICS.temperature_margin_K
         beyond = (scale.temperatures[0] - margin, scale.temperatures[-1] + margin)
     return Damper(law, forms, units.pop(), lag, temperature_range=beyond), tuple(free)
-
-
-def _single_command_error(
-    law: HysteresisLaw, entries: Sequence[FreeCoefficient], runs: Sequence[PreparedRun]
-) -> InputError:
-    follow = ", ".join(e.name for e in entries if e.form not in ("constant", "fixed"))
-    return InputError(
-        found=(
-            f"all {len(runs)} training runs have one command ({runs[0].trajectory.command[0]:g} "
-            f"{runs[0].run.command_unit}); how {follow or 'the coefficients'} of {law.name} follow the "
-            "command cannot be identified from them"
-        ),
-        remedy=(
-            "Add the same tests at two or more other commands, or use mrdamper fit --one-command for a "
-            "model of this command alone"
-        ),
-    )
 
 
 def _find_terms(law: HysteresisLaw, names: Sequence[str]) -> list[Term]:

@@ -134,44 +134,6 @@ _PLAIN = (
 )
 _RHO = _Free("rho", "constant", 0.5, 1e4, "log")
 _LOOP = (_Free("kappa", "constant", -1.0, 0.95), _Free("n", "constant", 0.2, 8.0, "log"))
-_SPENCER = (
-    _Free("yield_force", "hill", 1e-4, 2.0, "log"),
-    _Free("series_damping", "exponential", 0.1, 1e3, "log"),
-    _Free("inner_viscosity", "exponential", 1e-3, 10.0, "log"),
-    _Free("inner_stiffness", "constant", 0.0, 1.0),
-    _RHO,
-    *_LOOP,
-    _Free("offset", "constant", -1.0, 1.0),
-    _Free("stiffness", "constant", 0.0, 1.0),
-)
-_SERIES_VALVE = (
-    _Free("yield_force", "hill", 1e-4, 2.0, "log"),
-    _Free("thinning", "constant", 1e-3, 30.0, "log"),
-    _Free("thinning_exponent", "constant", 0.1, 1.2),
-    _Free("yield_velocity", "constant", 1e-4, 2.0, "log"),
-    _Free("position_gain", "constant", -0.5, 0.5),
-    _Free("gap_stiffness", "constant", 3.0, 3e5, "log"),
-    _Free("gap", "constant", 1e-5, 0.2, "log"),
-    _Free("gap_corner", "constant", 1e-5, 0.1, "log"),
-    _Free("leak_damping", "constant", 1e-3, 1e3, "log"),
-    _Free("leak_exponent", "constant", 0.5, 1.5),
-    _Free("offset", "constant", -0.5, 0.5),
-    _Free("stiffness", "constant", 0.0, 1.0),
-)
-
-_CHAIN = (
-    _Free("yield_force", "saturation", 1e-4, 3.0, "log", 0.4),
-    _Free("yield_velocity", "constant", 5e-4, 1.0, "log", 0.03),
-    _Free("thinning", "constant", 1e-4, 30.0, "log", 0.3),
-    _Free("thinning_exponent", "constant", 0.1, 1.0, start=0.6),
-    _Free("reference_speed", "fixed", 1.0, 1.0, start=1.0),
-    _Free("gap_stiffness", "constant", 0.3, 1e6, "log", 50.0),
-    _Free("leak_damping", "constant", 1e-3, 1e5, "log", 10.0),
-    _Free("gap", "constant", 1e-5, 0.5, "log", 0.02),
-    _Free("gap_corner", "constant", 1e-5, 0.5, "log", 0.01),
-    _Free("offset", "constant", -3.0, 3.0, start=0.0),
-)
-
 _BASES: Mapping[str, tuple[FreeCoefficient, ...]] = MappingProxyType(
     {
         "bouc-wen": (*_PARALLEL, _RHO, *_LOOP),
@@ -203,9 +165,42 @@ _BASES: Mapping[str, tuple[FreeCoefficient, ...]] = MappingProxyType(
             _Free("fade_velocity", "constant", 1e-3, 1.0, "log"),
             _Free("bristle_damping", "constant", 0.0, 2.0),
         ),
-        "spencer": _SPENCER,
-        "series-valve": _SERIES_VALVE,
-        "chain": _CHAIN,
+        "spencer": (
+            _Free("yield_force", "hill", 1e-4, 2.0, "log"),
+            _Free("series_damping", "exponential", 0.1, 1e3, "log"),
+            _Free("inner_viscosity", "exponential", 1e-3, 10.0, "log"),
+            _Free("inner_stiffness", "constant", 0.0, 1.0),
+            _RHO,
+            *_LOOP,
+            _Free("offset", "constant", -1.0, 1.0),
+            _Free("stiffness", "constant", 0.0, 1.0),
+        ),
+        "series-valve": (
+            _Free("yield_force", "hill", 1e-4, 2.0, "log"),
+            _Free("thinning", "constant", 1e-3, 30.0, "log"),
+            _Free("thinning_exponent", "constant", 0.1, 1.2),
+            _Free("yield_velocity", "constant", 1e-4, 2.0, "log"),
+            _Free("position_gain", "constant", -0.5, 0.5),
+            _Free("gap_stiffness", "constant", 3.0, 3e5, "log"),
+            _Free("gap", "constant", 1e-5, 0.2, "log"),
+            _Free("gap_corner", "constant", 1e-5, 0.1, "log"),
+            _Free("leak_damping", "constant", 1e-3, 1e3, "log"),
+            _Free("leak_exponent", "constant", 0.5, 1.5),
+            _Free("offset", "constant", -0.5, 0.5),
+            _Free("stiffness", "constant", 0.0, 1.0),
+        ),
+        "chain": (
+            _Free("yield_force", "saturation", 1e-4, 3.0, "log", 0.4),
+            _Free("yield_velocity", "constant", 5e-4, 1.0, "log", 0.03),
+            _Free("thinning", "constant", 1e-4, 30.0, "log", 0.3),
+            _Free("thinning_exponent", "constant", 0.1, 1.0, start=0.6),
+            _Free("reference_speed", "fixed", 1.0, 1.0, start=1.0),
+            _Free("gap_stiffness", "constant", 0.3, 1e6, "log", 50.0),
+            _Free("leak_damping", "constant", 1e-3, 1e5, "log", 10.0),
+            _Free("gap", "constant", 1e-5, 0.5, "log", 0.02),
+            _Free("gap_corner", "constant", 1e-5, 0.5, "log", 0.01),
+            _Free("offset", "constant", -3.0, 3.0, start=0.0),
+        ),
     }
 )
 
@@ -326,7 +321,7 @@ _CHAIN_ARCHETYPES = (
     ),
 )
 
-_CHAIN_STARTS: tuple[Mapping[str, float], ...] = tuple(
+BASE_STARTS: tuple[Mapping[str, float], ...] = tuple(
     dict(zip(("gap_stiffness", "gap", "gap_corner", "leak_damping", "yield_velocity"), values, strict=True))
     for values in (
         (50.0, 0.02, 0.01, 10.0, 0.03),
@@ -336,11 +331,7 @@ _CHAIN_STARTS: tuple[Mapping[str, float], ...] = tuple(
         (1e4, 0.001, 0.001, 400.0, 0.06),
     )
 )
-
-
-def starts_of(law: HysteresisLaw) -> tuple[Mapping[str, float], ...]:
-    """Return sets of start values for the base coefficients; empty if random values are sufficient."""
-    return _CHAIN_STARTS if law.name == "chain" else ()
+"""Start values of base coefficients of ``chain``. Each set is combined with each archetype."""
 
 
 def archetypes_of(law: HysteresisLaw) -> tuple[Archetype, ...]:

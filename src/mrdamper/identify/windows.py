@@ -93,16 +93,12 @@ def run_windows(runs: Sequence[PreparedRun], settings: FitSettings) -> tuple[Fit
 
     A run is one window. If its temperature changes much, the run is cut into several windows.
     """
-    coarse = [_decimate(run, settings) for run in runs]
-    fractions = run_fractions(runs)
     windows = []
-    for k, run in enumerate(coarse):
-        spans = _split_by_temperature(run, _Span(k, 0, run.scored_from, len(run), 0), settings)
-        scored = len(run) - run.scored_from
-        windows += [
-            _window(run, span, fractions[k] * (span.stop - span.start) / scored, _force_std(run))
-            for span in spans
-        ]
+    for k, (run, fraction) in enumerate(zip(runs, run_fractions(runs), strict=True)):
+        coarse = _decimate(run, settings)
+        scored = len(coarse) - coarse.scored_from
+        for span in _split_by_temperature(coarse, _Span(k, 0, coarse.scored_from, len(coarse), 0), settings):
+            windows.append(_window(coarse, span, fraction * (span.stop - span.start) / scored))
     return tuple(windows)
 
 
@@ -115,9 +111,7 @@ def changing_sample_count(runs: Sequence[PreparedRun], settings: FitSettings) ->
 def one_window(run: PreparedRun, run_count: int, settings: FitSettings = DEFAULT_SETTINGS) -> FitWindow:
     """Return a whole run as one window with weight 1 / ``run_count`` and the measured temperature curve."""
     coarse = _decimate(run, settings)
-    window = _window(
-        coarse, _Span(0, 0, coarse.scored_from, len(coarse), 0), 1.0 / run_count, _force_std(coarse)
-    )
+    window = _window(coarse, _Span(0, 0, coarse.scored_from, len(coarse), 0), 1.0 / run_count)
     return replace(window, drive=open_drive(coarse.trajectory))
 
 
@@ -126,25 +120,21 @@ def representative_windows(
 ) -> tuple[FitWindow, ...]:
     """Return a subset of windows that represents all runs, with at most ``samples_max`` simulated samples.
 
-    A sample counts as several samples if its sample interval is so long that the simulation needs many
-    integration steps. The order of the runs affects only the run indices. At least one window is returned.
-    ``blocks`` is the number of equal time blocks into which each run is divided. No window extends over two
-    blocks, and each block has at least one window.
+    The order of the runs affects only the run indices. At least one window is returned. ``blocks`` is the
+    number of equal time blocks into which each run is divided. No window extends over two blocks, and each
+    block has at least one window.
     """
     coarse = [_decimate(run, settings) for run in runs]
     spans = [span for k, run in enumerate(coarse) for span in _spans(k, run, settings, blocks)]
     scored = [len(run) - run.scored_from for run in coarse]
     fractions = run_fractions(runs)
     share = np.array([fractions[s.run] * (s.stop - s.start) / scored[s.run] for s in spans])
-    features = _features(coarse, spans, settings)
-    cost = [(s.stop - s.first) * _relative_cost(coarse[s.run]) for s in spans]
-    order, nearest = _k_center(features, spans, cost, samples_max)
+    order, nearest = _k_center(_features(coarse, spans, settings), spans, samples_max)
     fraction = np.bincount(nearest, weights=share, minlength=len(spans))
-    order = sorted(order)
-    merged = _merge(coarse, [spans[k] for k in order], [fraction[k] for k in order], settings)
-    if sum(span.stop * _relative_cost(coarse[span.run]) for span, _ in merged) <= samples_max:
+    merged = _merge(coarse, [spans[k] for k in order], fraction[order].tolist(), settings)
+    if sum(span.stop for span, _ in merged) <= samples_max:
         merged = [(replace(span, first=0), weight) for span, weight in merged]
-    return tuple(_window(coarse[s.run], s, f, _force_std(coarse[s.run])) for s, f in merged)
+    return tuple(_window(coarse[span.run], span, weight) for span, weight in merged)
 
 
 def _decimate(run: PreparedRun, settings: FitSettings) -> PreparedRun:
@@ -163,31 +153,19 @@ def _shortest_period_s(run: PreparedRun) -> float:
     return float(2.0 * path.step * np.quantile(np.diff(turns), 0.1))
 
 
-def _force_std(run: PreparedRun) -> float:
+def _window(run: PreparedRun, span: _Span, fraction: float) -> FitWindow:
     spread = float(np.std(run.force[run.scored_from :]))
     if not spread > 0.0:
         raise InputError(place=run.run.name, found="the force does not change after the motion starts")
-    return spread
-
-
-def _window(run: PreparedRun, span: _Span, fraction: float, spread: float) -> FitWindow:
     weight = 1e4 * fraction / (spread**2 * (span.stop - span.start))
     path = run.trajectory.part(slice(span.first, span.stop))
     if path.temperature is not None:
         mean = float(path.temperature[span.start - span.first :].mean())
         path = replace(path, temperature=np.full(len(path), mean))
-    drive = open_drive(path, longest_step=_longest_step_s(run))
+    longest_step_s = max(core.LONGEST_STEP, _shortest_period_s(run) / NUMERICS.steps_per_period_min)
+    drive = open_drive(path, longest_step=longest_step_s)
     force = np.ascontiguousarray(run.force[span.first : span.stop])
     return FitWindow(span.run, drive, force, span.start - span.first, fraction, weight, span.block)
-
-
-def _longest_step_s(run: PreparedRun) -> float:
-    return max(core.LONGEST_STEP, _shortest_period_s(run) / NUMERICS.steps_per_period_min)
-
-
-def _relative_cost(run: PreparedRun) -> float:
-    """Return the simulation time per sample, divided by the time of a run with few integration steps."""
-    return max(run.trajectory.step / _longest_step_s(run) / NUMERICS.steps_per_sample, 1.0)
 
 
 def _split_by_temperature(run: PreparedRun, span: _Span, settings: FitSettings) -> list[_Span]:
@@ -205,7 +183,7 @@ def _split_by_temperature(run: PreparedRun, span: _Span, settings: FitSettings) 
     level = np.floor((scored - scored.min()) / (float(np.ptp(scored)) / count))
     cuts = np.flatnonzero(np.diff(np.minimum(level, count - 1)) != 0.0) + 1
     edges = [span.start, *(span.start + cuts).tolist(), span.stop]
-    warm_up = max(round(settings.warm_up_periods * _period_samples(run)), settings.window_samples_min)
+    warm_up = max(_period_samples(run), settings.window_samples_min)
     return [
         _Span(span.run, span.first if a == span.start else max(a - warm_up, 0), a, b, span.block)
         for a, b in itertools.pairwise(edges)
@@ -228,10 +206,8 @@ def _period_samples(run: PreparedRun) -> int:
 def _spans(k: int, run: PreparedRun, settings: FitSettings, blocks: int) -> list[_Span]:
     start, stop = run.scored_from, len(run)
     period = _period_samples(run)
-    length = max(
-        round(settings.window_periods * period * (1 if run.period_s else 2)), settings.window_samples_min
-    )
-    warm_up = max(round(settings.warm_up_periods * period), settings.window_samples_min)
+    length = max(period if run.period_s else 2 * period, settings.window_samples_min)
+    warm_up = max(period, settings.window_samples_min)
     cuts: list[tuple[int, int, int]] = []
     edges = np.linspace(start, stop, blocks + 1).round().astype(int).tolist()
     for block, (low, high) in enumerate(itertools.pairwise(edges)):
@@ -265,19 +241,19 @@ def _features(runs: Sequence[PreparedRun], spans: Sequence[_Span], settings: Fit
                 float(path.command[part].mean()) / (settings.current_step * current),
                 float(np.std(path.command[part])) / (settings.current_step * current),
                 kelvin / settings.temperature_step_K,
-                0.5 * (span.start + span.stop) / len(path) / settings.time_step,
+                0.5 * (span.start + span.stop) / len(path),
             )
         )
     return np.array(rows)
 
 
 def _k_center(
-    features: FloatArray, spans: Sequence[_Span], cost: Sequence[float], samples_max: float
+    features: FloatArray, spans: Sequence[_Span], samples_max: float
 ) -> tuple[list[int], np.ndarray]:
-    """Return the indices of the selected windows, and the nearest selected window of every window.
+    """Return the sorted indices of the selected windows, and the nearest selected window of every window.
 
-    The indices are in the order of selection. First, every time block contributes the window nearest to the
-    median of the features. Then the window that is farthest from all selected windows is added repeatedly.
+    First, every time block contributes the window nearest to the median of the features. Then the window that
+    is farthest from all selected windows is added repeatedly.
     """
     content = np.lexsort(features.T[::-1])  # Sorting makes the result independent of the order of the files.
     away = np.abs(features - np.median(features, axis=0)).sum(axis=1)
@@ -287,23 +263,21 @@ def _k_center(
     while len(order) < len(spans):
         missing = content[~np.isin(blocks[content], blocks[order])]
         at = missing[np.argmin(away[missing])] if len(missing) else content[np.argmax(distance[content])]
-        k = _cheapest_alike(int(at), features, spans, cost, distance)
-        if not len(missing) and sum(cost[j] for j in [*order, k]) > samples_max:
+        k = _cheapest_alike(int(at), features, spans, distance)
+        if not len(missing) and sum(spans[j].stop - spans[j].first for j in [*order, k]) > samples_max:
             break
         closer = np.linalg.norm(features - features[k], axis=1)
         nearest = np.where(closer < distance, k, nearest) if order else np.full(len(spans), k)
         distance = np.minimum(distance, closer) if order else closer
         order.append(k)
         nearest[order], distance[order] = order, -1.0
-    return order, nearest
+    return sorted(order), nearest
 
 
-def _cheapest_alike(
-    k: int, features: FloatArray, spans: Sequence[_Span], cost: Sequence[float], distance: FloatArray
-) -> int:
-    """Return the unselected window near window ``k`` with the smallest simulation cost.
+def _cheapest_alike(k: int, features: FloatArray, spans: Sequence[_Span], distance: FloatArray) -> int:
+    """Return the unselected window near window ``k`` with the smallest number of simulated samples.
 
-    Only windows of the same run and time block are considered. The first window of a run has a small cost
+    Only windows of the same run and time block are considered. The first window of a run has few samples
     because the run starts at rest, so that no warm-up is necessary.
     """
     near = [
@@ -314,7 +288,7 @@ def _cheapest_alike(
         and distance[j] >= 0.0
         and np.linalg.norm(features[j] - features[k]) <= 1.0
     ]
-    return min(near, key=lambda j: (cost[j], j))
+    return min(near, key=lambda j: (spans[j].stop - spans[j].first, j))
 
 
 def _merge(

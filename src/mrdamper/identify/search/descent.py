@@ -79,9 +79,8 @@ class Descents:
         self._most = most
         self.done = self.converged | (self.costs > cost_max)
 
-    def advance(self) -> BoolArray:
-        """Make one trial step of every unfinished descent; return True for each descent that accepted it."""
-        accepted = np.zeros(len(self.done), dtype=np.bool_)
+    def advance(self) -> None:
+        """Make one trial step of every unfinished descent."""
         k = np.flatnonzero(~self.done)
         step, gain = self._steps(k)
         is_useless = ~step.any(axis=1) | ~np.isfinite(gain)
@@ -92,22 +91,21 @@ class Descents:
         self._fail(k[~is_useless & ~is_downhill], self._shorten)
         k, step, gain = k[is_downhill], step[is_downhill], gain[is_downhill]
         if not len(k):
-            return accepted
+            return
         points = np.clip(self.points[k] + step, self._box.low, self._box.high)
         change = np.einsum("bij,bj->bi", self._follow[k], self._slopes[k] * step)
         found = self._objective.eliminate(self._box.to_physical(points), self.linear[k] + change)
         is_better = found.cost < self.costs[k]  # False if the cost is NaN
         self._fail(k[~is_better], self._shorten)
-        accepted[k[is_better]] = True
         self._accept(k[is_better], points[is_better], gain[is_better], _rows(found, is_better))
-        return accepted
 
     def _steps(self, k: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
         """Return the next steps of the descents ``k``, and the expected decrease of the cost in each step."""
         points, hessian, gradient = self.points[k], self.hessians[k], self._gradients[k]
         low = np.minimum(np.maximum(self._box.low - points, -self._step_max), 0.0)
         high = np.maximum(np.minimum(self._box.high - points, self._step_max), 0.0)
-        free = self._is_free(points, gradient)
+        # A coordinate at a bound is fixed if its descent direction points outwards.
+        free = ~((points <= self._box.low) & (gradient < 0.0) | (points >= self._box.high) & (gradient > 0.0))
         step = _steps_in_box(hessian, gradient, free, self._damping[k], low, high)
         step = np.clip(points + step, self._box.low, self._box.high) - points
         gain = np.sum(step * (2.0 * gradient - np.einsum("bij,bj->bi", hessian, step)), axis=1)
@@ -148,12 +146,6 @@ class Descents:
         self.hessians[k] = hessian * (slopes[:, :, None] * slopes[:, None, :])
         self._gradients[k] = gradient * slopes
         self._follow[k] = follow
-
-    def _is_free(self, points: FloatArray, gradient: FloatArray) -> BoolArray:
-        """Return False for each coordinate at a bound whose descent direction points outwards."""
-        below = (points <= self._box.low) & (gradient < 0.0)
-        above = (points >= self._box.high) & (gradient > 0.0)
-        return np.asarray(~(below | above))
 
     def _fail(self, k: NDArray[np.intp], give_up: Callable[[NDArray[np.intp]], None]) -> None:
         """After failed steps, recompute inaccurate force derivatives; call ``give_up`` if they are accurate.

@@ -12,7 +12,6 @@ import numpy as np
 
 from mrdamper import core
 from mrdamper.arrays import FloatArray
-from mrdamper.identify.settings import NUMERICS
 from mrdamper.identify.windows import FitWindow
 from mrdamper.models.damper import Damper
 from mrdamper.models.operating_points import OperatingPoints
@@ -37,20 +36,17 @@ class GramSums:
         self._size = len(wanted) + 1
         for run in runs:
             require_temperature(damper, run.drive.trajectory)
-        temperature_dependent = damper.temperature_dependent
-        points = [
-            None
-            if damper.law.kernel is None
-            else operating_point(run.drive, temperature_dependent=temperature_dependent)
-            for run in runs
-        ]
+        # Runs with equal command and temperature are in one group. The point of a run is None if the command
+        # or the temperature changes, or if the law is in Python.
+        warm = damper.temperature_dependent
+        points = [operating_point(run.drive, temperature_dependent=warm) for run in runs]
+        if damper.law.kernel is None:
+            points = [None] * len(runs)
         self._single = [run for run, point in zip(runs, points, strict=True) if point is None]
-        steady = [(run, point) for run, point in zip(runs, points, strict=True) if point is not None]
-        groups = {point: k for k, point in enumerate(dict.fromkeys(point for _, point in steady))}
-        group = np.array([groups[point] for _, point in steady], dtype=np.intp)
-        order = np.argsort(group, kind="stable")
-        self._runs = [steady[k][0] for k in order]
-        self._group = group[order]
+        groups = list(dict.fromkeys(point for point in points if point is not None))
+        steady = sorted((groups.index(point), k) for k, point in enumerate(points) if point is not None)
+        self._runs = [runs[k] for _, k in steady]
+        self._group = np.array([group for group, _ in steady], dtype=np.intp)
         self._first = np.searchsorted(self._group, range(len(groups)))  # index of each group's first run
         self._weight = np.array([run.weight for run in self._runs])[:, None]
         if not steady:
@@ -74,16 +70,9 @@ class GramSums:
 
     def evaluate(self, values: FloatArray) -> FloatArray:
         """Return one Gram matrix for each candidate (row of ``values``), shape (candidates, rows, rows)."""
-        total = np.zeros((len(values), self._size, self._size))
-        if self._runs:
-            each = len(self._runs) * self._spread.shape[-1] ** 2
-            step = max(1, NUMERICS.sum_count_max // each)
-            for begin in range(0, len(values), step):
-                part = slice(begin, begin + step)
-                total[part] = self._steady(values[part])
+        total = self._steady(values) if self._runs else np.zeros((len(values), self._size, self._size))
         if self._single:
-            for k, row in enumerate(values):
-                total[k] += self._one_by_one(row)
+            total += np.array([self._one_by_one(row) for row in values])
         return total
 
     def _steady(self, values: FloatArray) -> FloatArray:

@@ -35,7 +35,6 @@ from mrdamper.identify.settings import NUMERICS
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.identify.windows import FitWindow
 from mrdamper.models.damper import Damper
-from mrdamper.runtime.pool import ONE_CORE, Pool
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
 
@@ -77,7 +76,7 @@ def fit_variable_projection(
     ----------
     starts : number of random starts, each with several points of a Latin hypercube
     windows : sections of runs to fit; None: all runs
-    on_progress : receives a ``SearchState`` after every accepted step
+    on_progress : receives a ``SearchState`` after every trial step
     """
     windows = problem.windows() if windows is None else tuple(windows)
     objective, starting_dampers = Objective(problem, windows), list(dampers)
@@ -136,8 +135,7 @@ def _descend(
             on_progress(state.update)
             if descents.done[0]:
                 return
-            while not (descents.advance()[0] or descents.done[0]):
-                pass
+            descents.advance()
 
     for index, damper in enumerate(chosen):
         ends.append(Descents(objective, *objective.points_of([damper]), most=steps_max))
@@ -153,7 +151,6 @@ def thorough_starts(
     dampers: Sequence[Damper],
     windows: Sequence[FitWindow],
     search_windows: Sequence[FitWindow],
-    pool: Pool = ONE_CORE,
 ) -> list[Damper]:
     """Search for local minima of the cost on ``windows``; return dampers at different minima, best first.
 
@@ -178,28 +175,26 @@ def thorough_starts(
     names = list(dict.fromkeys(coefficients))
     number = np.array([names.index(name) for name in coefficients], dtype=np.intp)
 
-    def hop(start: tuple[FloatArray, FloatArray]) -> Descents:
-        point = np.clip(start[0], box.low, box.high)[None]
-        descents = Descents(objective, point, start[1][None], most=settings.hop_iterations_max)
-        descents.run()
-        return descents
-
     failures = 0
     while failures < settings.failed_hop_count_max:
         first = int(costs.argmin())
-        moved = []
+        hops = []
         others = np.flatnonzero(costs > (1.0 + settings.same_cost_ratio) * costs[first])
         for fraction in NUMERICS.exchanged_fractions if len(others) else ():
             is_exchanged = (rng.random(len(names)) < fraction)[number]
-            moved.append((np.where(is_exchanged, points[rng.choice(others)], points[first]), linear[first]))
+            hops.append(np.where(is_exchanged, points[rng.choice(others)], points[first]))
         fraction, size = NUMERICS.perturbations[rng.integers(len(NUMERICS.perturbations))]
         change = (rng.random(len(width)) < fraction) * size * rng.standard_normal(len(width)) * width
-        moved.append((points[first] + change, linear[first]))
-        hops = list(pool.map(hop, moved, threads=True))
-        points = np.vstack([points, *(each.points for each in hops)])
-        linear = np.vstack([linear, *(each.linear for each in hops)])
+        hops.append(points[first] + change)
+        moved = np.clip(hops, box.low, box.high)
+        descents = Descents(
+            objective, moved, np.tile(linear[first], (len(hops), 1)), most=settings.hop_iterations_max
+        )
+        descents.run()
+        points = np.vstack([points, descents.points])
+        linear = np.vstack([linear, descents.linear])
         before = costs.min()
-        costs = np.concatenate([costs, *(each.costs for each in hops)])
+        costs = np.concatenate([costs, descents.costs])
         failures = 0 if costs.min() < (1.0 - settings.same_cost_ratio) * before else failures + 1
     kept = _different(costs, settings.minimum_count, settings.same_cost_ratio)
     objective, count = Objective(problem, windows), settings.start_count

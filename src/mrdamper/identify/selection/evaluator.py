@@ -6,7 +6,7 @@ ways: they use a representative subset of the windows, and they make only a few 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun, decimate
 from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.identify.actuation import ActuationSettings, fit_actuation
+from mrdamper.identify.actuation import fit_actuation
 from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.motions import Fold, block_count, folds_of, motion_groups
 from mrdamper.identify.problem import FitProblem
@@ -39,7 +39,7 @@ from mrdamper.identify.selection.starts import (
     starts_of_sizes,
     warm_start_from,
 )
-from mrdamper.identify.terms import Archetype, archetypes_of, starts_of, terms_of
+from mrdamper.identify.terms import BASE_STARTS, Archetype, Term, archetypes_of, terms_of
 from mrdamper.identify.windows import FitWindow, representative_windows, run_windows
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
@@ -73,12 +73,15 @@ class CandidateEvaluator:
         self.settings = settings
         self._terms = None if terms is None else tuple(terms)
         self.pool = pool
-        blocks = block_count(self.folds)
         samples_max = samples_max or settings.samples_max
         if any(run.run.constant_command is None for run in self.runs):
             samples_max = min(samples_max, data.settings.changing_samples_max)
-        self.windows = representative_windows(
-            self.runs, data.settings, samples_max=samples_max, blocks=blocks
+        few = min(data.settings.screening_samples_max, settings.screening_fraction * samples_max)
+        self.windows, self.screening_windows = (
+            representative_windows(
+                self.runs, data.settings, samples_max=count, blocks=block_count(self.folds)
+            )
+            for count in (samples_max, few)
         )
         self.all_windows = run_windows(self.runs, data.settings)
         scored, total = (
@@ -86,12 +89,6 @@ class CandidateEvaluator:
             for each in (self.windows, self.all_windows)
         )
         self.is_subset = scored < total
-        self.screening_windows = representative_windows(
-            self.runs,
-            data.settings,
-            samples_max=min(data.settings.screening_samples_max, settings.screening_fraction * samples_max),
-            blocks=blocks,
-        )
         # Damper of the last cross-validation. Its delay and lags are initial values of the next fit.
         self.response: Damper | None = None
         # Start value of a gas term: mean force of the runs [N] and its slope versus temperature [N/K]
@@ -178,13 +175,13 @@ class CandidateEvaluator:
             return screened_starts(problem, random_dampers(problem, 0), self.screening_windows)
         best = best_different(Objective(problem, self.windows), starts)[0]
         starts += self._with_restarted_terms(candidate, best)
-        return thorough_starts(problem, starts, self.windows, self.windows, self.pool)
+        return thorough_starts(problem, starts, self.windows, self.windows)
 
     def search_thoroughly(self, fitted: FittedCandidate) -> FittedCandidate:
         """Fit a candidate from many initial dampers; return the fit with the smallest training error."""
         starts = [fitted.damper, *self._with_restarted_terms(fitted.candidate, fitted.damper)]
         problem = self.problem(fitted.candidate)
-        ends = thorough_starts(problem, starts, self.windows, self.screening_windows, self.pool)
+        ends = thorough_starts(problem, starts, self.windows, self.screening_windows)
         return self.fit(fitted.candidate, [fitted.damper, *ends])
 
     def _with_restarted_terms(self, candidate: Candidate, damper: Damper) -> list[Damper]:
@@ -194,15 +191,20 @@ class CandidateEvaluator:
         friction, and friction in series with a soft spring acts as a hysteretic stiffness. A local search
         does not move from one of these effects to the other.
         """
-        known, restarted = terms_of(LAWS[candidate.law]), []
-        for name in candidate.terms:
-            entries = {entry.name for entry in known[name].entries}
-            starts: list[Mapping[str, float]] = [{}, *known[name].starts]
-            for start in starts:
-                template = self.problem(candidate, start).template.parameters
-                moved = {each: template[each] for each in template if each.partition(".")[0] in entries}
-                restarted.append(damper.with_parameters(moved))
-        return restarted
+        known = terms_of(LAWS[candidate.law])
+        return [
+            self._restarted(candidate, damper, {entry.name for entry in known[name].entries}, start)
+            for name in candidate.terms
+            for start in ({}, *known[name].starts)
+        ]
+
+    def _restarted(
+        self, candidate: Candidate, damper: Damper, names: Collection[str], start: Mapping[str, float]
+    ) -> Damper:
+        """Return a copy of a damper in which the coefficients ``names`` are reset to start values."""
+        template = self.problem(candidate, start).template.parameters
+        moved = {each: value for each, value in template.items() if each.partition(".")[0] in names}
+        return damper.with_parameters(moved)
 
     def initial_candidate(self, law: str) -> Candidate:
         """Return the first candidate of a law, with the terms of the user or the default terms."""
@@ -214,19 +216,18 @@ class CandidateEvaluator:
         for name, group in terms_of(problem.template.law).items():
             on = not group.linear_in_temperature and {entry.name for entry in group.entries} <= moving
             on = on or (name == GAS_TERM and self._level is not None)
-            if on and set(group.needs) <= set(candidate.terms) and self._adds_parameters(candidate, name):
+            if on and self._is_addable(candidate, group):
                 candidate = candidate.with_term(name)
         return candidate
 
     def _alternative_start(self, archetype: Archetype, fitted: FittedCandidate) -> Damper:
         """Return a fitted damper with the alternative start values of an archetype."""
-        template = self.problem(fitted.candidate, archetype.alternative).template.parameters
-        own = [name for name in template if name.partition(".")[0] in archetype.alternative]
-        return fitted.damper.with_parameters({name: template[name] for name in own})
+        start = archetype.alternative
+        return self._restarted(fitted.candidate, fitted.damper, start, start)
 
     def _archetype_points(self, candidate: Candidate, archetype: Archetype) -> list[Damper]:
         """Combine the start values of an archetype and of the law; return the dampers."""
-        starts = [{**archetype.start, **start} for start in ({}, *starts_of(LAWS[candidate.law]))]
+        starts = [{**archetype.start, **start} for start in ({}, *BASE_STARTS)]
         dampers = [self.problem(candidate, start).template for start in starts]
         if self._level is not None and GAS_TERM in candidate.terms:
             level = dict(zip(("offset.c00", "offset.c01"), self._level, strict=True))
@@ -236,13 +237,7 @@ class CandidateEvaluator:
     def addable_terms(self, candidate: Candidate) -> list[str]:
         """Return the names of the terms that can be added to a candidate and add at least one parameter."""
         known = terms_of(LAWS[candidate.law]) if self._terms is None else {}
-        return [
-            name
-            for name, group in known.items()
-            if name not in candidate.terms
-            and all(need in candidate.terms for need in group.needs)
-            and self._adds_parameters(candidate, name)
-        ]
+        return [name for name, term in known.items() if self._is_addable(candidate, term)]
 
     def removable_terms(self, candidate: Candidate) -> list[str]:
         """Return the names of the terms of a candidate that no remaining term requires."""
@@ -252,20 +247,17 @@ class CandidateEvaluator:
         needed = {need for name in candidate.terms for need in known[name].needs}
         return [name for name in candidate.terms if name not in needed]
 
-    def _adds_parameters(self, candidate: Candidate, name: str) -> bool:
-        before, after = (self.problem(each).free for each in (candidate, candidate.with_term(name)))
+    def _is_addable(self, candidate: Candidate, term: Term) -> bool:
+        if term.name in candidate.terms or not set(term.needs) <= set(candidate.terms):
+            return False
+        before, after = (self.problem(each).free for each in (candidate, candidate.with_term(term.name)))
         return {free.name for free in after} != {free.name for free in before}
 
     def fit(self, candidate: Candidate, dampers: Sequence[Damper]) -> FittedCandidate:
         """Fit a candidate to the windows, starting from ``dampers``."""
-        start_s, settings = cpu_seconds(), self.settings
-        damper, _ = descend(
-            Objective(self.problem(candidate), self.windows),
-            dampers,
-            settings.fit_iterations,
-            settings.fit_round_count_max,
-            settings.round_gain_min,
-        )
+        start_s, objective = cpu_seconds(), Objective(self.problem(candidate), self.windows)
+        rounds = self.settings.fit_round_count_max, self.settings.round_gain_min
+        damper, _ = descend(objective, dampers, self.settings.fit_iterations, *rounds)
         return self._fitted(candidate, damper, start_s)
 
     def _fitted(self, candidate: Candidate, damper: Damper, start_s: float) -> FittedCandidate:
@@ -315,13 +307,9 @@ class CandidateEvaluator:
         defaults, known = default_coefficients(previous), terms_of(LAWS[candidate.law])
         new = [known[name] for name in candidate.terms if known[name].entries[0].name in defaults]
         starts: list[Mapping[str, float]] = [{}, *(start for group in new for start in group.starts)]
-        found = []
-        for start in starts:
-            problems = [
-                self.problem(candidate, sized) for sized in starts_of_sizes(candidate.law, new, start)
-            ]
-            found.append([warm_start_from(previous, each.template, each.free) for each in problems])
-        return found
+        sizes = [starts_of_sizes(candidate.law, new, start) for start in starts]
+        problems = [[self.problem(candidate, start) for start in each] for each in sizes]
+        return [[warm_start_from(previous, each.template, each.free) for each in row] for row in problems]
 
     def cross_validate(
         self, fitted: FittedCandidate, previous: ValidatedCandidate | None = None
@@ -381,10 +369,7 @@ class CandidateEvaluator:
                 damper,
                 chosen[: settings.changing_run_count_max],
                 start=response,
-                settings=ActuationSettings(
-                    tolerance=settings.changing_tolerance,
-                    follow_share_step_min=settings.changing_share_step_min,
-                ),
+                settings=settings.actuation,
             )
         return damper, [score_run(damper, run).nrmse_percent for run in self.changing_runs]
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from mrdamper.identify.actuation import ActuationSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,9 +80,9 @@ class SelectionSettings:
     changing_samples_max: int = 3000  # Runs are resampled to about this number of samples.
     changing_rate_Hz_min: float = 50.0
     changing_rate_Hz_max: float = 200.0
-    changing_tolerance: float = 1e-2  # The fit of delay and lags ends after a smaller relative change.
-    # Smallest step in the search for ``follow_share``, the fraction of the force without delay
-    changing_share_step_min: float = 0.25
+    actuation: ActuationSettings = field(
+        default_factory=lambda: ActuationSettings(tolerance=1e-2, follow_share_step_min=0.25)
+    )
 
 
 DEFAULT_SETTINGS = SelectionSettings()
