@@ -23,7 +23,6 @@ from mrdamper.models.force_band import LeftOut
 class Fold:
     """Data that are held out together: whole runs, or one time block (section) of each run."""
 
-    label: str
     runs: tuple[int, ...]  # indices of the runs
     block: int | None = None  # index of the time block; None: whole runs are held out
 
@@ -54,19 +53,14 @@ def motion_groups(runs: Sequence[PreparedRun]) -> tuple[tuple[int, ...], ...]:
     Two runs have the same motion if the standard deviations of their displacement and of their velocity
     differ by less than 30 %.
     """
-    sizes = [
-        np.log([np.std(getattr(run.trajectory, what)) for what in ("velocity", "displacement")])
-        for run in runs
-    ]
+    sizes = [np.log([np.std(run.trajectory.velocity), np.std(run.trajectory.displacement)]) for run in runs]
     groups: list[list[int]] = []
     distance_max = np.log(NUMERICS.fold_motion_ratio)
     for k in sorted(range(len(runs)), key=lambda k: (*sizes[k].tolist(), k)):
-        near = (g for g in groups if np.abs(sizes[k] - sizes[g[0]]).max() < distance_max)
-        group = next(near, None)
-        if group is None:
-            groups.append([k])
-        else:
-            group.append(k)
+        group = next((g for g in groups if np.abs(sizes[k] - sizes[g[0]]).max() < distance_max), [])
+        if not group:
+            groups.append(group)
+        group.append(k)
     return tuple(tuple(sorted(group)) for group in groups)
 
 
@@ -79,25 +73,14 @@ def folds_of(runs: Sequence[PreparedRun]) -> tuple[Fold, ...]:
     Otherwise each run is divided into ``fold_count_max`` time blocks, and each fold holds out one block of
     every run.
     """
-    groups = motion_groups(runs)
+    groups, count = motion_groups(runs), NUMERICS.fold_count_max
     if len(groups) == 1:
         groups = _inner_levels(runs)
         if len(groups) < 2:
-            everything = tuple(range(len(runs)))
-            count = NUMERICS.fold_count_max
-            return tuple(Fold(f"block {k + 1} of {count} in time", everything, k) for k in range(count))
-        labels = [f"{run.trajectory.command.mean():.3g} {run.run.command_unit}" for run in runs]
-    else:
-        labels = [run.motion for run in runs]
-    count = min(NUMERICS.fold_count_max, len(groups))
-    dealt = [groups[k::count] for k in range(count)]
-    return tuple(
-        Fold(
-            ", ".join(dict.fromkeys(labels[group[0]] for group in together)),
-            tuple(sorted(k for group in together for k in group)),
-        )
-        for together in dealt
-    )
+            return tuple(Fold(tuple(range(len(runs))), block) for block in range(count))
+    count = min(count, len(groups))
+    dealt = (groups[first::count] for first in range(count))
+    return tuple(Fold(tuple(sorted(k for group in part for k in group))) for part in dealt)
 
 
 def _inner_levels(runs: Sequence[PreparedRun]) -> tuple[tuple[int, ...], ...]:

@@ -30,8 +30,6 @@ from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw
 from mrdamper.models.laws import HysteresisLaw, find_law
 from mrdamper.schema import unknown_name
 
-_DEGREES = {"line": 1, "polynomial": 2}  # degree of the polynomial in the current
-
 
 def scale_of(runs: Sequence[PreparedRun]) -> Scale:
     """Return typical force, stroke, speed and command of runs. Search bounds are multiples of them."""
@@ -102,8 +100,7 @@ def template(
         raise InputError(
             found=(
                 f"all {len(runs)} training runs have one command ({runs[0].trajectory.command[0]:g} "
-                f"{runs[0].run.command_unit}); the dependence of the force on the command cannot be "
-                "identified from them"
+                f"{runs[0].run.command_unit}); they do not determine how the force depends on the command"
             ),
             remedy=(
                 "Add the same tests at two or more other commands, or use mrdamper fit --one-command for a "
@@ -231,7 +228,7 @@ def _dependence(
             FreeParameter(f"{name}.at_zero", lower, upper, how),
             FreeParameter(f"{name}.rate", -rate, rate),
         ]
-    degree = min(s.levels - 1, _DEGREES.get(form, 2))
+    degree = min(s.levels - 1, 1 if form == "line" else 2)
     size = max(abs(lower), abs(upper))
     return Polynomial((start, *([0.0] * degree))), [
         FreeParameter(

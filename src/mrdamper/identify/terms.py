@@ -341,17 +341,8 @@ def archetypes_of(law: HysteresisLaw) -> tuple[Archetype, ...]:
 
 def base_of(law: HysteresisLaw) -> tuple[FreeCoefficient, ...]:
     """Return the coefficients of a law that are always fitted. A law of the user defines their bounds."""
-    return _BASES[law.name] if law.kernel is not None else _base_of_python_law(law)
-
-
-def terms_of(law: HysteresisLaw) -> dict[str, Term]:
-    """Return the terms of a law by name, ordered so that required terms precede the terms that need them."""
-    if law.kernel is None:
-        return {}
-    return {term.name: term for term in (_CHAIN_TERMS if law.name == "chain" else _EVERY_LAW)}
-
-
-def _base_of_python_law(law: HysteresisLaw) -> tuple[FreeCoefficient, ...]:
+    if law.kernel is not None:
+        return _BASES[law.name]
     entries: list[FreeCoefficient] = []
     for c in law.coefficients:
         if not (np.isfinite(c.lower) and np.isfinite(c.upper)):
@@ -362,3 +353,10 @@ def _base_of_python_law(law: HysteresisLaw) -> tuple[FreeCoefficient, ...]:
         form: Form = "polynomial" if c.linear else "constant"
         entries.append(_Free(c.name, form, c.lower, c.upper, "log" if wide else "linear"))
     return tuple(entries)
+
+
+def terms_of(law: HysteresisLaw) -> dict[str, Term]:
+    """Return the terms of a law by name, ordered so that required terms precede the terms that need them."""
+    if law.kernel is None:
+        return {}
+    return {term.name: term for term in (_CHAIN_TERMS if law.name == "chain" else _EVERY_LAW)}

@@ -97,7 +97,9 @@ class Descents:
         found = self._objective.eliminate(self._box.to_physical(points), self.linear[k] + change)
         is_better = found.cost < self.costs[k]  # False if the cost is NaN
         self._fail(k[~is_better], self._shorten)
-        self._accept(k[is_better], points[is_better], gain[is_better], _rows(found, is_better))
+        arrays = found.cost, found.linear, found.gram, found.drift
+        better = Eliminated(*(values[is_better] for values in arrays))
+        self._accept(k[is_better], points[is_better], gain[is_better], better)
 
     def _steps(self, k: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
         """Return the next steps of the descents ``k``, and the expected decrease of the cost in each step."""
@@ -164,10 +166,6 @@ class Descents:
     def _finish(self, k: NDArray[np.intp]) -> None:
         self.converged[k] = True
         self.done[k] = True
-
-
-def _rows(found: Eliminated, which: BoolArray) -> Eliminated:
-    return Eliminated(found.cost[which], found.linear[which], found.gram[which], found.drift[which])
 
 
 def _steps_in_box(

@@ -79,8 +79,7 @@ class Objective:
 
     def gram(self, damper: Damper, parameters: Sequence[str]) -> FloatArray:
         """Return the weighted Gram matrix of the force derivatives (one per parameter) and the residual."""
-        gram: FloatArray = GramSums(damper, (), parameters, self.runs).evaluate(np.empty((1, 0)))[0]
-        return gram
+        return np.asarray(GramSums(damper, (), parameters, self.runs).evaluate(np.empty((1, 0)))[0])
 
     def points_of(self, dampers: Sequence[Damper]) -> tuple[FloatArray, FloatArray]:
         """Return search coordinates and linear parameters of dampers: two arrays with one row per damper."""
@@ -158,14 +157,12 @@ class Objective:
         inner = g[:, n:-1, n:-1] + np.diag(self._light)
         both = np.concatenate([g[:, n:-1, :n], g[:, n:-1, -1:]], axis=2)
         rows = self._rows
-        if len(rows):
-            slack = linear @ rows.T - self._floor
-            active = slack <= 1e-7 * (np.abs(linear) @ np.abs(rows).T)
-            if active.any():
-                # A coefficient at its limit stays at its limit. A stiff penalty enforces this.
-                spread = 1.0 / np.maximum(np.diagonal(inner, axis1=1, axis2=2), 1e-300)
-                stiffness = NUMERICS.active_stiffness * active / (spread @ (rows**2).T)
-                inner = inner + (rows.T * stiffness[:, None, :]) @ rows
+        active = linear @ rows.T - self._floor <= 1e-7 * (np.abs(linear) @ np.abs(rows).T)
+        if active.any():
+            # A coefficient at its limit stays at its limit. A stiff penalty enforces this.
+            spread = 1.0 / np.maximum(np.diagonal(inner, axis1=1, axis2=2), 1e-300)
+            stiffness = NUMERICS.active_stiffness * active / (spread @ (rows**2).T)
+            inner = inner + (rows.T * stiffness[:, None, :]) @ rows
         solved = solve_scaled(inner, both)
         reduced = g[:, :n, n:-1] @ solved
         return hessian - reduced[:, :, :n], gradient - reduced[:, :, n], -solved[:, :, :n]
@@ -181,12 +178,7 @@ def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
     places = np.arange(matrix.shape[-1])
     scaled[..., places, places] += NUMERICS.eigenvalue_min
     right = scale[..., None] * right
-    try:
-        solved = np.linalg.solve(scaled, right)
-    except np.linalg.LinAlgError:
-        each = [np.linalg.lstsq(a, b, rcond=1e-12)[0] for a, b in zip(scaled, right, strict=True)]
-        solved = np.stack(each)
-    return np.asarray(scale[..., None] * solved)
+    return np.asarray(scale[..., None] * np.linalg.solve(scaled, right))
 
 
 def _bounded_least_squares(
@@ -197,11 +189,9 @@ def _bounded_least_squares(
     All arguments except ``rows`` have a first axis that counts several problems.
     """
     solution = solve_scaled(matrix, right[..., None])[..., 0]
-    if len(rows):
-        slack = solution @ rows.T - floor
-        beyond = slack < -1e-12 * (np.abs(solution) @ np.abs(rows).T + np.abs(floor))
-        for k in np.flatnonzero(beyond.any(axis=1)):
-            solution[k] = _nearest_valid(matrix[k], solution[k], rows, floor[k])
+    beyond = solution @ rows.T - floor < -1e-12 * (np.abs(solution) @ np.abs(rows).T + np.abs(floor))
+    for k in np.flatnonzero(beyond.any(axis=1)):
+        solution[k] = _nearest_valid(matrix[k], solution[k], rows, floor[k])
     return solution
 
 

@@ -30,15 +30,15 @@ class Ensemble:
         self.problem = problem
         self.windows = problem.windows()
         self._box = Box.from_parameters(problem.free)
-        self._linear = np.array([f.linear for f in problem.free])
-        self._sums = GramSums(problem.template, [f.name for f in problem.free], (), self.windows)
+        self._names = [free.name for free in problem.free]
+        self._linear = np.array([free.linear for free in problem.free])
+        self._sums = GramSums(problem.template, self._names, (), self.windows)
         self._rows, self._floor = problem.conditions
 
     def damper(self, unit: FloatArray) -> Damper:
         """Return the damper at the scaled coordinates of one candidate."""
-        names = (free.name for free in self.problem.free)
-        values = dict(zip(names, self._values(unit).tolist(), strict=True))
-        return self.problem.template.with_parameters(values)
+        values = zip(self._names, self._values(unit).tolist(), strict=True)
+        return self.problem.template.with_parameters(dict(values))
 
     def costs(self, unit: FloatArray) -> FloatArray:
         """Return the cost [%^2] of candidates of shape (count, parameters); the result has shape (count,).
@@ -86,15 +86,9 @@ def fit_genetic(
         def _evaluate(self, x: FloatArray, out: dict[str, Any], *_: object, **__: object) -> None:
             out["F"] = ensemble.costs(x)[:, None]
 
-    size = len(problem.free)
-    algorithm = GA(
-        pop_size=population,
-        sampling=LHS(),
-        crossover=SBX(prob=0.9, eta=15),
-        mutation=PM(eta=20),
-        eliminate_duplicates=True,
-    )
-    fit = Fit(n_var=size, n_obj=1, xl=np.zeros(size), xu=np.ones(size))
+    operators = {"sampling": LHS(), "crossover": SBX(prob=0.9, eta=15), "mutation": PM(eta=20)}
+    algorithm = GA(pop_size=population, **operators, eliminate_duplicates=True)
+    fit = Fit(n_var=len(problem.free), n_obj=1, xl=0.0, xu=1.0)
     algorithm.setup(fit, termination=("n_gen", generations), seed=seed)
     best: FloatArray | None = None
     generation, cancelled = 0, False

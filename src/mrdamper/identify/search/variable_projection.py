@@ -166,8 +166,7 @@ def thorough_starts(
     """
     objective, rng = Objective(problem, search_windows), np.random.default_rng(0)
     box, settings = objective.box, problem.settings
-    drawn = random_dampers(problem, 0)
-    dampers = [*dampers, *best_different(objective, drawn, settings.thorough_count)]
+    dampers = [*dampers, *best_different(objective, random_dampers(problem, 0), settings.thorough_count)]
     points, linear = objective.points_of(dampers)
     points, linear, costs = _ends(objective, points, linear, settings.thorough_iterations_max, len(dampers))
     width = np.where(box.log, 1.0, NUMERICS.perturbation_range_ratio * (box.high - box.low))
@@ -186,10 +185,8 @@ def thorough_starts(
         fraction, size = NUMERICS.perturbations[rng.integers(len(NUMERICS.perturbations))]
         change = (rng.random(len(width)) < fraction) * size * rng.standard_normal(len(width)) * width
         hops.append(points[first] + change)
-        moved = np.clip(hops, box.low, box.high)
-        descents = Descents(
-            objective, moved, np.tile(linear[first], (len(hops), 1)), most=settings.hop_iterations_max
-        )
+        moved, values = np.clip(hops, box.low, box.high), np.tile(linear[first], (len(hops), 1))
+        descents = Descents(objective, moved, values, most=settings.hop_iterations_max)
         descents.run()
         points = np.vstack([points, descents.points])
         linear = np.vstack([linear, descents.linear])
@@ -235,13 +232,8 @@ def first_starts(
     points, linear = objective.points_of(dampers)
     found = objective.eliminate(objective.box.to_physical(points), linear, tangents=False)
     order = np.argsort(found.cost, kind="stable")[: settings.screened_count]
-    points, linear, _ = _ends(
-        objective,
-        points[order],
-        found.linear[order],
-        settings.screening_iterations_max,
-        settings.finalist_count,
-    )
+    points, linear, count = points[order], found.linear[order], settings.finalist_count
+    points, linear, _ = _ends(objective, points, linear, settings.screening_iterations_max, count)
     return [objective.damper_at(*end) for end in zip(points, linear, strict=True)]
 
 
@@ -261,9 +253,8 @@ def continued_starts(
     freed = at_bound.any(axis=1)
     middle = np.where(at_bound, 0.5 * (box.low + box.high), points)
     points, linear = np.vstack([points, middle[freed]]), np.vstack([linear, linear[freed]])
-    points, linear, _ = _ends(
-        objective, points, linear, settings.finalist_iterations_max, settings.finalist_count
-    )
+    count = settings.finalist_count
+    points, linear, _ = _ends(objective, points, linear, settings.finalist_iterations_max, count)
     return [objective.damper_at(*end) for end in zip(points, linear, strict=True)]
 
 

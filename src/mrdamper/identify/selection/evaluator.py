@@ -92,9 +92,8 @@ class CandidateEvaluator:
         # Damper of the last cross-validation. Its delay and lags are initial values of the next fit.
         self.response: Damper | None = None
         # Start value of a gas term: mean force of the runs [N] and its slope versus temperature [N/K]
-        self._level: tuple[float, float] | None = None
-        if data.fluid is None and data.temperature != "none":
-            self._level = mean_force_level(self.runs, settings.gas_error_percent_min)
+        has_level = data.fluid is None and data.temperature != "none"
+        self._level = mean_force_level(self.runs, settings.gas_error_percent_min) if has_level else None
         self._asymmetric = asymmetry_percent(self.runs) >= settings.asymmetry_error_percent_min
 
     def problem(self, candidate: Candidate, start: Mapping[str, float] | None = None) -> FitProblem:
@@ -143,17 +142,16 @@ class CandidateEvaluator:
         self,
         candidate: Candidate,
         archetype: Archetype | None,
-        dampers: list[Damper],
-        error_percent: float,
+        start: tuple[list[Damper], float],
         error_percent_max: float,
     ) -> list[FittedCandidate]:
-        """Fit an initial candidate, starting at the results of its short descents and their error.
+        """Fit an initial candidate, starting at the dampers of ``initial_starts`` with their smallest error.
 
         Before the fit, the descents are continued on the screening windows. The second result is the fit of
         the alternative of the archetype. If the error exceeds ``error_percent_max``, there is no fit, and the
         damper with the smallest error is returned.
         """
-        start_s, problem = cpu_seconds(), self.problem(candidate)
+        start_s, problem, (dampers, error_percent) = cpu_seconds(), self.problem(candidate), start
         if error_percent > error_percent_max:
             best = best_different(Objective(problem, self.windows), dampers)[0]
             return [self._fitted(candidate, best, start_s)]
