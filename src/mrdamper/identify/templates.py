@@ -102,10 +102,7 @@ def template(
                 f"all {len(runs)} training runs have one command ({runs[0].trajectory.command[0]:g} "
                 f"{runs[0].run.command_unit}); they do not determine how the force depends on the command"
             ),
-            remedy=(
-                "Add the same tests at two or more other commands, or use mrdamper fit --one-command for a "
-                "model of this command alone"
-            ),
+            remedy="Add the same tests at two or more other commands, or use mrdamper fit --one-command",
         )
     follows_temperature = temperature != "none" and fluid is None and _has_temperature(runs, temperature)
     temperature_dependent = all(run.trajectory.temperature is not None for run in runs)

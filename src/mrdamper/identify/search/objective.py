@@ -178,7 +178,12 @@ def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
     places = np.arange(matrix.shape[-1])
     scaled[..., places, places] += NUMERICS.eigenvalue_min
     right = scale[..., None] * right
-    return np.asarray(scale[..., None] * np.linalg.solve(scaled, right))
+    try:
+        solved = np.linalg.solve(scaled, right)
+    except np.linalg.LinAlgError:
+        each = [np.linalg.lstsq(a, b, rcond=1e-12)[0] for a, b in zip(scaled, right, strict=True)]
+        solved = np.stack(each)
+    return np.asarray(scale[..., None] * solved)
 
 
 def _bounded_least_squares(
