@@ -10,11 +10,8 @@ import pytest
 import mrdamper
 from mrdamper.data.readers import ReadFiles
 from mrdamper.data.records import Dataset
-from mrdamper.identify.consistency.errors import find_contradictions, summarize_errors
 from mrdamper.identify.consistency.joint import joint_test
 from mrdamper.identify.consistency.runs import find_deviations, find_suspects, rms_residual
-from mrdamper.identify.scores import score_each
-from mrdamper.identify.selection.select import CandidateScore
 from mrdamper.jobs.check import check, findings_of
 from mrdamper.jobs.options import CheckOptions
 from mrdamper.virtual_rig.campaign import Campaign
@@ -144,20 +141,6 @@ def test_exchanged_commands_are_reported_for_both_runs(noisy):
     assert findings[runs[6].name].size == pytest.approx(1.0)
     assert findings[runs[7].name].size == pytest.approx(-1.0)
     assert runs[7].name in findings[runs[6].name].found
-
-
-@pytest.mark.parametrize(("percent", "kinds"), [(2.0, ["errors_contradict"]), (9.0, []), (np.nan, [])])
-def test_training_error_above_cross_validation_is_reported(noisy, percent, kinds):
-    """A wrong model has a large training error, which contradicts a cross-validation error of 2 %."""
-    wrong = TRUTH.with_parameters({"viscosity.c0": 1.2 * TRUTH.parameters["viscosity.c0"]})
-    score = CandidateScore("spencer", cv_percent_by_run=(percent,) * 3)
-
-    def kinds_of(split):
-        errors = summarize_errors(score_each(wrong, noisy, split), score)
-        return [finding.kind for finding in find_contradictions(errors)]
-
-    assert kinds_of("training") == kinds
-    assert kinds_of("held_out") == []
 
 
 def test_duplicate_of_held_out_run_is_reported(noisy):

@@ -13,7 +13,7 @@ from mrdamper.data.records import RigRun
 from mrdamper.excitation import MOTIONS, drive
 from mrdamper.identify.actuation import ActuationSettings
 from mrdamper.identify.actuation.step_responses import (
-    SteppedRun,
+    StepResponse,
     crossing_time,
     measure_step_responses,
     model_times,
@@ -65,10 +65,8 @@ def with_command(run: PreparedRun, command: FloatArray) -> PreparedRun:
     return replace(run, trajectory=replace(run.trajectory, command=command))
 
 
-def measure(run: PreparedRun) -> SteppedRun:
-    stepped = measure_step_responses(LAW, run, SETTINGS)
-    assert stepped is not None
-    return stepped
+def measure(run: PreparedRun) -> tuple[StepResponse, ...]:
+    return measure_step_responses(LAW, run, SETTINGS)
 
 
 # Step responses of the measured force
@@ -78,7 +76,7 @@ def measure(run: PreparedRun) -> SteppedRun:
 def test_step_response_equals_known_current_lag(bend_N, hysteresis_N):
     """The response is not changed by a force that depends on position, direction and hysteresis."""
     run, known = blended_run(bend_N=bend_N, hysteresis_N=hysteresis_N)
-    responses = measure(run).responses
+    responses = measure(run)
     assert len(responses) >= 3
     for response in responses:
         assert response.fraction == pytest.approx(known[response.window], abs=1e-3 if hysteresis_N else 1e-6)
@@ -92,7 +90,7 @@ def test_step_response_equals_known_current_lag(bend_N, hysteresis_N):
 
 def test_size_of_step_response_is_force_difference():
     run, _ = blended_run()
-    for response in measure(run).responses:
+    for response in measure(run):
         number = response.window.start // HOLD_SAMPLES
         before, after = (
             simulate(LAW, with_command(run, np.full(len(run), LEVELS[k])).trajectory)[response.window]
@@ -105,12 +103,12 @@ def test_size_of_step_response_is_force_difference():
 def test_response_times_of_measured_force_are_reproduced():
     """A model with the measured force has the measured times. A model without lags has response time zero."""
     run, _ = blended_run()
-    stepped = measure(run)
+    stepped = run, measure(run)
     same = model_times([stepped, stepped], [run.force] * 2, SETTINGS)
-    assert len(same) == 2 * len(stepped.responses)
+    assert len(same) == 2 * len(stepped[1])
     for response, time_s in same:
         assert time_s == pytest.approx(response.time_s, rel=1e-6)
-    without_lag = model_times([stepped], [simulate(LAW, stepped.run.trajectory)], SETTINGS)
+    without_lag = model_times([stepped], [simulate(LAW, run.trajectory)], SETTINGS)
     assert {time_s for _, time_s in without_lag} <= {0.0}
 
 

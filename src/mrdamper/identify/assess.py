@@ -10,7 +10,7 @@ import numpy as np
 
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.excitation import Sine, drive
-from mrdamper.identify.confidence.settings import DEFAULT_SETTINGS
+from mrdamper.identify.confidence.settings import SETTINGS
 from mrdamper.identify.problem import FittedDamper, SearchResult, envelope_of
 from mrdamper.identify.scores import RunError, score_each
 from mrdamper.models.damper import Damper
@@ -74,16 +74,14 @@ def _correlation_remarks(result: SearchResult) -> list[str]:
     strength = np.abs(np.triu(np.nan_to_num(result.correlation), 1))
     owners = np.array([name.partition(".")[0] for name in names])
     strength[owners[:, None] == owners] = 0.0  # The terms of one polynomial are always correlated.
-    settings = DEFAULT_SETTINGS
-    count = np.count_nonzero(strength > settings.correlation_min)
+    count = np.count_nonzero(strength > SETTINGS.correlation_min)
     pairs = [divmod(int(k), len(names)) for k in np.argsort(-strength, axis=None)[:count]]
     remarks = [
         f"{names[i]} and {names[j]} are strongly correlated ({result.correlation[i, j]:.2f}): the runs "
         "determine them together, not separately."
-        for i, j in pairs[: settings.correlations_max_count]
+        for i, j in pairs[: SETTINGS.correlations_max_count]
     ]
-    if len(pairs) > settings.correlations_max_count:
-        more = len(pairs) - settings.correlations_max_count
+    if (more := len(pairs) - SETTINGS.correlations_max_count) > 0:
         remarks.append(f"{more} more pairs of parameters are strongly correlated: see the matrix.")
     return remarks
 
@@ -116,8 +114,6 @@ def _remarks(result: SearchResult, runs: Sequence[RunError], work_min: float) ->
         if not error.energy_measured_J > 0.0:
             continue
         difference = error.energy_model_J / error.energy_measured_J - 1.0
-        if abs(difference) > DEFAULT_SETTINGS.energy_error_max:
+        if abs(difference) > SETTINGS.energy_error_max:
             remarks.append(f"{error.name}: the energy per cycle differs by {100.0 * difference:+.0f} %.")
-    if result.cancelled:
-        remarks.append("The fit was interrupted: the parameters are the best so far and have not converged.")
     return remarks

@@ -34,18 +34,17 @@ def evaluate(
     A run with the same name and error as a training run of the model is marked ``training``. All other runs
     are marked ``held_out``. If runs are outside the envelope of the card, one ``EnvelopeWarning`` lists them.
     """
-    seen: dict[str, float] = {}
-    if isinstance(model, ModelCard):
-        seen = {run["name"]: run["rmse_N"] for run in model.evidence.runs if run["split"] == "training"}
-    elif not isinstance(model, Damper):
-        seen = {run.name: np.nan for run in model.training}
     damper = model if isinstance(model, Damper) else model.damper
     prepared = prepare_for(model, runs, preparation)
+    seen: dict[str, float] = {}
+    band = None
     if isinstance(model, ModelCard):
-        outside = outside_envelope(model, prepared)
-        if outside:
+        seen = {run["name"]: run["rmse_N"] for run in model.evidence.runs if run["split"] == "training"}
+        band = model.force_band
+        if outside := outside_envelope(model, prepared):
             warnings.warn("; ".join(outside), EnvelopeWarning, stacklevel=2)
-    band = model.force_band if isinstance(model, ModelCard) else None
+    elif not isinstance(model, Damper):
+        seen = {run.name: np.nan for run in model.training}
     errors = (score_run(damper, run, band=band) for run in prepared)
     return tuple(
         replace(error, split="training")
@@ -75,10 +74,8 @@ def prepare_for(
         raise InputError(
             found=f"{lacking[0]}{more}: has no temperature channel, and the model depends on temperature",
             expected="a column such as temperature_degC",
-            remedy=(
-                "Map the channel, or state it as a constant in the channel map ([constant] temperature_degC "
-                "= 20)"
-            ),
+            remedy="Map the channel, or state it as a constant in the channel map ([constant] "
+            "temperature_degC = 20)",
         )
     return prepared
 
@@ -122,16 +119,14 @@ def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[str]:
         extremes = min(ends[0] for ends in beyond.values()), max(ends[1] for ends in beyond.values())
         least, most, known_least, known_most = (scale * end + shift for end in (*extremes, *allowed))
         first = next(iter(beyond))
-        where = (
-            f"in {len(beyond)} of {len(runs)} runs (the first: {first})" if len(runs) > 1 else f"in {first}"
-        )
+        where = f"{len(beyond)} of {len(runs)} runs (the first: {first})" if len(runs) > 1 else first
         words = (
-            f"{quantity} is {least:.4g} to {most:.4g} {unit} {where}; the card was fitted to "
+            f"{quantity} is {least:.4g} to {most:.4g} {unit} in {where}; the card was fitted to "
             f"{known_least:.4g} to {known_most:.4g} {unit}"
         )
-        if quantity == "temperature":
-            words += f", {describe_extrapolation(card.damper)}"
-        notes.append(words)
+        notes.append(
+            f"{words}, {describe_extrapolation(card.damper)}" if quantity == "temperature" else words
+        )
     return notes
 
 

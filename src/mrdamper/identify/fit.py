@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 
 import numpy as np
 
@@ -244,13 +244,7 @@ def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:
 
 def versions() -> dict[str, str]:
     """Return the versions of the packages on which a result depends, by package name."""
-    found = {}
-    for name in ("mrdamper", "numpy", "scipy"):
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:  # The source tree is not installed.
-            found[name] = "unknown"
-    return found
+    return {name: version(name) for name in ("mrdamper", "numpy", "scipy")}
 
 
 def _place_of(law: PythonLaw) -> str:

@@ -67,10 +67,7 @@ class FitData:
             note = f"{len(continued)} of the files continue the record of another file: they are one run"
             notes += (f"{note} (the first: {continued[0]})",)
         if fluid is not None:
-            prepared, unseen = (
-                tuple(map(set_reference_temperature, prepared)),
-                tuple(map(set_reference_temperature, unseen)),
-            )
+            prepared, unseen = (tuple(map(set_reference_temperature, each)) for each in (prepared, unseen))
         else:
             prepared, temperature, remark = select_temperature_kind(prepared, temperature)
             notes += (remark,) if remark else ()
@@ -147,13 +144,7 @@ def _without_repetitions(
 ) -> tuple[tuple[PreparedRun, ...], tuple[PreparedRun, ...]]:
     """Return the runs without exact repetitions, sorted by their data, and the repeated runs."""
     distinct: dict[tuple[float | str, ...], PreparedRun] = {}
-    repeated = []
-    for run in runs:
-        key = _content(run)
-        if key in distinct:
-            repeated.append(run)
-        else:
-            distinct[key] = run
+    repeated = [run for run in runs if distinct.setdefault(_content(run), run) is not run]
     return tuple(distinct[key] for key in sorted(distinct)), tuple(repeated)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -22,6 +22,8 @@ from mrdamper.models.simulate import simulate_each
 from mrdamper.quantities import ZERO_CELSIUS_K
 
 Split = Literal["training", "held_out"]
+ErrorKind = Literal["held_out", "training", "cross_validation"]
+CurrentKind = Literal["constant", "changing"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,19 +75,17 @@ def score_each(
 def _score(prepared: PreparedRun, force: FloatArray, split: Split, band: ForceBand | None) -> RunError:
     run, path, start = prepared.run, prepared.trajectory, prepared.scored_from
     error = force - prepared.force
-    spread = float(np.std(prepared.force[start:]))
-    whole = float(np.std(prepared.force))
+    spread, whole = float(np.std(prepared.force[start:])), float(np.std(prepared.force))
     if not spread > 0.0:
         raise InputError(place=run.name, found="the force does not change after the motion starts")
     count = len(force) - start
+    cycles = 1
     if prepared.period_s:
         period = max(round(prepared.period_s / path.step), 1)
         cycles = max(count // period, 1)
-        count, per = min(cycles * period, count), cycles
-    else:
-        per = 1
+        count = min(cycles * period, count)
     span = slice(start, start + count)
-    power = path.velocity[span] * path.step / per
+    power = path.velocity[span] * path.step / cycles
     kelvin = path.temperature
     return RunError(
         name=run.name,
@@ -127,3 +127,38 @@ def summary(errors: Iterable[RunError]) -> dict[str, float]:
         "worst": float(every.max()) if len(every) else float("nan"),
         "worst_above_zero": float(above.max()) if len(above) else float("nan"),
     }
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorSummary:
+    """Median, RMS and maximum of the errors ``nrmse_percent`` of a set of runs."""
+
+    kind: ErrorKind
+    current: CurrentKind
+    run_count: int
+    median_percent: float
+    rms_percent: float
+    worst_percent: float
+
+
+def summarize_errors(
+    runs: Iterable[RunError], cv_percent: Sequence[float] = (), changing_cv_percent: Sequence[float] = ()
+) -> tuple[ErrorSummary, ...]:
+    """Return the error statistics of held-out runs, training runs and cross-validation.
+
+    There are separate statistics for constant and for changing current. Statistics without any run are
+    omitted. The last two arguments are the cross-validation errors of runs with constant and with changing
+    current.
+    """
+    errors: dict[tuple[ErrorKind, CurrentKind], list[float]] = {
+        (kind, current): [] for kind in get_args(ErrorKind) for current in get_args(CurrentKind)
+    }
+    for run in runs:
+        errors[run.split, "changing" if run.command is None else "constant"].append(run.nrmse_percent)
+    errors["cross_validation", "constant"] += cv_percent
+    errors["cross_validation", "changing"] += changing_cv_percent
+    return tuple(
+        ErrorSummary(kind, current, len(values), float(np.median(values)), rms(np.array(values)), max(values))
+        for (kind, current), values in errors.items()
+        if values
+    )

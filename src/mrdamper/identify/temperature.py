@@ -93,17 +93,14 @@ def select_temperature_kind(
     if kind != "auto" or not measured:
         return runs, kind, ""
     levels = temperature_levels(measured)
-    lacking = len(runs) - len(measured)
     if len(levels) < LEVEL_COUNT_MIN["arrhenius"]:
         at = f"{levels[0] - ZERO_CELSIUS_K:.0f} degC"
         return runs, "none", f"one temperature in the runs ({at}): fitted without temperature laws"
-    if not lacking:
-        return runs, kind, ""
-    if lacking <= len(measured):
-        note = f"{lacking} of {len(runs)} runs have no temperature: they are ignored"
-        return measured, kind, note
-    note = f"{lacking} of {len(runs)} runs have no temperature: fitted without temperature laws"
-    return runs, "none", note
+    lacking = len(runs) - len(measured)
+    note = f"{lacking} of {len(runs)} runs have no temperature"
+    if lacking > len(measured):
+        return runs, "none", f"{note}: fitted without temperature laws"
+    return measured, kind, f"{note}: they are ignored" if lacking else ""
 
 
 def apply_temperature(

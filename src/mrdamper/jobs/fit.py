@@ -16,9 +16,9 @@ from mrdamper.errors import InputError
 from mrdamper.identify import fit as fitting
 from mrdamper.identify.assess import Assessment
 from mrdamper.identify.confidence.posterior import sample_posterior
-from mrdamper.identify.consistency.errors import ErrorSummary, find_contradictions, summarize_errors
 from mrdamper.identify.fit import Identification, Law
 from mrdamper.identify.fit_data import FitData
+from mrdamper.identify.scores import ErrorSummary, summarize_errors
 from mrdamper.identify.selection.evaluator import CandidateEvaluator
 from mrdamper.identify.selection.select import Selection, select_model
 from mrdamper.identify.selection.settings import SelectionSettings
@@ -57,8 +57,12 @@ class FitResult(JobResult, Identification):
     @property
     def errors(self) -> tuple[ErrorSummary, ...]:
         """Return the error statistics of held-out runs, training runs and cross-validation."""
-        chosen = None if self.selection is None else self.selection.scores[0]
-        return summarize_errors(self.assessment.runs, chosen)
+        if self.selection is None:
+            return summarize_errors(self.assessment.runs)
+        chosen = self.selection.scores[0]
+        return summarize_errors(
+            self.assessment.runs, chosen.cv_percent_by_run, chosen.changing_percent_by_run
+        )
 
     @property
     def cancelled(self) -> bool:
@@ -154,8 +158,7 @@ def fit(
         inferred=runs.inferred,
         sources=tuple(dict.fromkeys(Path(run.source).name for run in runs if run.source)),
     )
-    findings = (*find_contradictions(found.errors), *found.findings)
-    return replace(found, findings=findings, cpu_s=cpu_seconds() - clock)
+    return replace(found, cpu_s=cpu_seconds() - clock)
 
 
 def _terms(options: FitOptions) -> tuple[str, ...] | None:

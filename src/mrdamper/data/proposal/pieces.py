@@ -261,7 +261,7 @@ def integrated(piece: Piece) -> Piece:
     found = Finding(
         kind="velocity_integrated",
         channel="displacement",
-        found="there is no displacement: it is the integral of the velocity, without its mean and slope",
+        found="there is no displacement: it is the integral of the velocity, centred and without drift",
         effect="The position of the loop along the stroke, and slow motion, are lost",
         remedy="Record the displacement where position matters (gas spring, end stops)",
     )

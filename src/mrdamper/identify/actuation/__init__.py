@@ -1,12 +1,12 @@
 """Identify the actuation, which is the delay, lags and hysteresis between command and force.
 
-The command is a current or a voltage. The identification requires runs with a changing command. The force law
-of the damper is fitted before, to runs with constant command, and is not changed here. The entry points are
+The identification requires runs with a changing command (current or voltage). The force law of the damper is
+fitted before, to runs with constant command, and is not changed here.
 
 1. ``fit_actuation`` fits delay, rise, fall and second lag (``least_squares``). The data are step responses
    (``step_responses``) if the command is constant between steps, otherwise whole runs. The magnetic
    hysteresis (``hysteresis``) is fitted afterwards.
-2. ``refine_actuation`` adds core saturation, a second hysteresis loop and free-wheeling (``selection``).
+2. ``refine_actuation`` adds core saturation, a second hysteresis loop and free-wheeling.
 
 In all modules of this package, the variable ``still`` is the damper without delay and lags.
 
@@ -16,8 +16,7 @@ up against the stiffness s of the damper, with the time constant F / (s v). A la
 immediately. The fraction is fitted to all runs, together with the lags.
 """
 
-from mrdamper.identify.actuation.fit import ActuationFit, fit_actuation
-from mrdamper.identify.actuation.selection import refine_actuation
+from mrdamper.identify.actuation.fit import ActuationFit, fit_actuation, refine_actuation
 from mrdamper.identify.actuation.settings import ActuationSettings
 
 __all__ = ["ActuationFit", "ActuationSettings", "fit_actuation", "refine_actuation"]

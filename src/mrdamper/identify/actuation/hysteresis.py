@@ -14,7 +14,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.identify.actuation.least_squares import fit_over_runs, largest_command
+from mrdamper.identify.actuation.least_squares import LaggedForces, fit_parameters
 from mrdamper.identify.actuation.settings import ActuationSettings
 from mrdamper.models.actuation import HYSTERESIS_WEIGHT, Actuation
 from mrdamper.models.damper import Damper
@@ -52,12 +52,16 @@ def _half_width(
 
 def fit_hysteresis_over_runs(
     still: Damper, lags: Actuation, runs: Sequence[PreparedRun], settings: ActuationSettings
-) -> tuple[float, float]:
-    """Fit the half width of the magnetic hysteresis to whole runs; return value and error [A or V]."""
-    largest = largest_command(runs)
-    start = replace(lags, hysteresis_width_A=min(max(lags.hysteresis_width_A, 1e-3 * largest), 0.5 * largest))
-    fit = fit_over_runs(still, runs, start, ("hysteresis_width_A",), settings)
-    return fit.actuation.hysteresis_width_A, fit.standard_errors["hysteresis_width_A"]
+) -> tuple[Actuation, float]:
+    """Fit the half width of the magnetic hysteresis to whole runs.
+
+    Return ``lags`` with the fitted half width, and its standard error [A or V].
+    """
+    lagged = LaggedForces(still, runs, settings.run_oversampling)
+    start_A = np.clip(lags.hysteresis_width_A, 1e-3 * lagged.command_max, 0.5 * lagged.command_max)
+    start = replace(lags, hysteresis_width_A=float(start_A))
+    fit = fit_parameters(lagged, start, ("hysteresis_width_A",), settings)
+    return fit.actuation, fit.standard_errors["hysteresis_width_A"]
 
 
 def _regression_sums(damper: Damper, run: PreparedRun, settings: ActuationSettings) -> FloatArray | None:

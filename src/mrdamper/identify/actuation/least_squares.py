@@ -32,20 +32,6 @@ Residual = Callable[[Sequence[FloatArray]], FloatArray]
 """Function that returns the residual vector of a fit for the simulated forces of all runs."""
 
 
-class SearchParameter(NamedTuple):
-    """Bounds and scale of a parameter in the search.
-
-    If ``is_log`` is True, the search varies the logarithm of the parameter. ``scale`` and ``margin`` then
-    refer to the logarithm.
-    """
-
-    lower: float
-    upper: float
-    scale: float
-    is_log: bool
-    margin: float = 0.0  # minimum distance of the initial value from the bounds
-
-
 class ParameterFit(NamedTuple):
     """Result of a least-squares fit of delay and lags between command and force."""
 
@@ -55,15 +41,25 @@ class ParameterFit(NamedTuple):
 
 
 class LaggedForces:
-    """Simulate the forces of runs for trial values of delay and lags.
+    """Simulate the forces of runs for trial values of delay and lags, and compute the residual of a fit.
 
-    The command is constant within a sample interval, so that it steps at the samples.
+    The command is constant within a sample interval, so that it steps at the samples. ``residual`` is by
+    default the force error at the scored samples of each run, divided by the rms force of the run and by the
+    square root of the number of samples. All runs then have equal weight.
     """
 
-    def __init__(self, still: Damper, runs: Sequence[PreparedRun], oversampling: int) -> None:
-        self._still, self._oversampling = still, oversampling
+    def __init__(
+        self,
+        still: Damper,
+        runs: Sequence[PreparedRun],
+        oversampling: int,
+        residual: Residual | None = None,
+    ) -> None:
+        self._still, self._oversampling, self._runs = still, oversampling, runs
         self._drives = [open_drive(run.trajectory) for run in runs]
+        self._sizes_N = [rms(run.force) * math.sqrt(len(run)) for run in runs]
         self.command_max = largest_command(runs)
+        self.residual = residual or self._error_of_runs
 
     def lag_commands(self, lags: Actuation) -> list[FloatArray]:
         """Return the effective command after the lags [A or V] for each run."""
@@ -84,29 +80,39 @@ class LaggedForces:
         """Return the force [N] of each run with the given delay and lags of the command."""
         return self.forces_at_commands(self.lag_commands(lags))
 
+    def _error_of_runs(self, forces: Sequence[FloatArray]) -> FloatArray:
+        scored = zip(self._runs, forces, self._sizes_N, strict=True)
+        return np.concatenate(
+            [((force - run.force) / size)[run.scored_from :] for run, force, size in scored]
+        )
+
 
 def largest_command(runs: Sequence[PreparedRun]) -> float:
     """Return the largest magnitude of the command [A or V] of all runs."""
     return max(float(np.abs(run.trajectory.command).max()) for run in runs)
 
 
-def search_parameter(name: str, command_max: float, settings: ActuationSettings) -> SearchParameter:
-    """Return bounds, scale and margin of the delay or lag parameter ``name`` in the search."""
+def _search_range(
+    name: str, command_max: float, settings: ActuationSettings
+) -> tuple[float, float, float, float, bool]:
+    """Return the range of a parameter in the search: lower and upper bound, scale, margin, ``is_log``.
+
+    The margin is the minimum distance of the initial value from the bounds. If ``is_log`` is True, the search
+    varies the logarithm of the parameter. Scale and margin then refer to the logarithm.
+    """
     if name in ("hysteresis_width_A", "wide_hysteresis_width_A"):
-        return SearchParameter(0.0, command_max, 0.02 * command_max, is_log=False)
+        return 0.0, command_max, 0.02 * command_max, 0.0, False
     if name == "saturation":
-        ends = settings.saturation_min * command_max, settings.saturation_max * command_max
-        return SearchParameter(*ends, 0.3, is_log=True)
+        return settings.saturation_min * command_max, settings.saturation_max * command_max, 0.3, 0.0, True
     if name == "second_s":
-        return SearchParameter(0.0, settings.lag_max_s, 2e-3, is_log=False, margin=1e-4)
+        return 0.0, settings.lag_max_s, 2e-3, 1e-4, False
     if name == "delay_s":
-        return SearchParameter(0.0, settings.delay_max_s, 1e-3, is_log=False, margin=1e-4)
-    return SearchParameter(settings.lag_min_s, settings.lag_max_s, 0.3, is_log=True, margin=0.1)
+        return 0.0, settings.delay_max_s, 1e-3, 1e-4, False
+    return settings.lag_min_s, settings.lag_max_s, 0.3, 0.1, True
 
 
 def fit_parameters(
     lagged: LaggedForces,
-    residual: Residual,
     start: Actuation,
     parameter_names: Sequence[str],
     settings: ActuationSettings,
@@ -125,8 +131,8 @@ def fit_parameters(
     """
     from scipy.optimize import least_squares  # Loading this module takes a quarter of a second.
 
-    parameters = [search_parameter(name, lagged.command_max, settings) for name in parameter_names]
-    lower, upper, scales, logs, margins = map(np.array, zip(*parameters, strict=True))
+    ranges = [_search_range(name, lagged.command_max, settings) for name in parameter_names]
+    lower, upper, scales, margins, logs = map(np.array, zip(*ranges, strict=True))
     values = np.array([getattr(start, name) for name in parameter_names])
     values[logs] = np.log(np.maximum(values, lower)[logs])
     lower[logs], upper[logs] = np.log(lower[logs]), np.log(upper[logs])
@@ -140,7 +146,7 @@ def fit_parameters(
     def simulated(point: bytes) -> tuple[list[FloatArray], list[FloatArray], FloatArray]:
         applied = lagged.lag_commands(actuation(np.frombuffer(point)))
         forces = lagged.forces_at_commands(applied)
-        return applied, forces, residual(forces)
+        return applied, forces, lagged.residual(forces)
 
     def residual_at(point: FloatArray) -> FloatArray:
         return simulated(point.tobytes())[2]
@@ -153,7 +159,8 @@ def fit_parameters(
         columns = []
         for step, neighbour in zip(steps, point + np.diag(steps), strict=True):
             runs = zip(forces, slopes, lagged.lag_commands(actuation(neighbour)), applied, strict=True)
-            columns.append((residual([f + slope * (to - at) for f, slope, to, at in runs]) - before) / step)
+            forces_there = [f + slope * (to - at) for f, slope, to, at in runs]
+            columns.append((lagged.residual(forces_there) - before) / step)
         return np.stack(columns, axis=1)
 
     result = least_squares(
@@ -166,7 +173,7 @@ def fit_parameters(
         ftol=settings.tolerance,
         max_nfev=evaluation_count_max,
     )
-    span, errors = upper - lower, np.full(len(parameters), np.nan)
+    span, errors = upper - lower, np.full(len(ranges), np.nan)
     free = (result.x > lower + 1e-6 * span) & (result.x < upper - 1e-6 * span)
     columns = np.asarray(result.jac)[:, free]
     variance = 2.0 * result.cost / max(len(result.fun) - int(free.sum()), 1)
@@ -177,45 +184,13 @@ def fit_parameters(
     )
 
 
-def run_residual(runs: Sequence[PreparedRun]) -> Residual:
-    """Return the residual function: force error at the scored samples, divided by the rms force of the run.
-
-    The error is also divided by the square root of the number of samples, so that all runs have equal weight.
-    """
-    sizes_N = [rms(run.force) * math.sqrt(len(run)) for run in runs]
-
-    def residual(forces: Sequence[FloatArray]) -> FloatArray:
-        scored = zip(runs, forces, sizes_N, strict=True)
-        return np.concatenate(
-            [((force - run.force) / size)[run.scored_from :] for run, force, size in scored]
-        )
-
-    return residual
-
-
-def fit_over_runs(
-    still: Damper,
-    runs: Sequence[PreparedRun],
-    start: Actuation,
-    parameter_names: Sequence[str],
-    settings: ActuationSettings,
-    evaluation_count_max: int | None = None,
-) -> ParameterFit:
-    """Fit the named parameters of the delay and lags between command and force to whole runs."""
-    lagged = LaggedForces(still, runs, settings.run_oversampling)
-    residual = run_residual(runs)
-    return fit_parameters(lagged, residual, start, parameter_names, settings, evaluation_count_max)
-
-
-def fit_lags(
-    lagged: LaggedForces, residual: Residual, start: Actuation | None, settings: ActuationSettings
-) -> ParameterFit:
+def fit_lags(lagged: LaggedForces, start: Actuation | None, settings: ActuationSettings) -> ParameterFit:
     """Fit delay and lags from ``start``. With None, the fit starts from several default values."""
     starts = [Actuation(lag_s, lag_s, 0.3 * lag_s, 0.1 * lag_s) for lag_s in settings.lag_start_s]
     if start is not None:
         starts = [Actuation(start.rise_s, start.fall_s, start.second_s, start.delay_s)]
     pool = Pool(thread_count())
-    fits = pool.map(lambda first: fit_parameters(lagged, residual, first, LAGS, settings), starts)
+    fits = pool.map(lambda first: fit_parameters(lagged, first, LAGS, settings), starts)
     return min(fits, key=lambda fit: fit.cost)
 
 
@@ -228,18 +203,18 @@ def fit_lags_to_responses(
     time to 63 % approaches the mean measured time. The standard errors of rise and fall include the scatter
     of repeated steps. The search begins at ``start`` if it is given.
     """
-    lagged = LaggedForces(still, [run.run for run in runs], settings.oversampling)
 
     def residual(forces: Sequence[FloatArray]) -> FloatArray:
         return np.concatenate(
             [
                 (response.model_fraction(force) - response.fraction) * np.abs(response.size_N)
-                for run, force in zip(runs, forces, strict=True)
-                for response in run.responses
+                for (_, responses), force in zip(runs, forces, strict=True)
+                for response in responses
             ]
         )
 
-    fit = fit_lags(lagged, residual, start, settings)
+    lagged = LaggedForces(still, [run for run, _ in runs], settings.oversampling, residual)
+    fit = fit_lags(lagged, start, settings)
     lags, errors = fit.actuation, fit.standard_errors
     for _ in range(settings.time_correction_count):
         times = model_times(runs, lagged.forces_at_lags(lags), settings)

@@ -45,16 +45,14 @@ class StepResponse:
         return (force_N[self.window] - self.law_before_N) / (self.law_after_N - self.law_before_N)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SteppedRun:
-    """A run and the force responses to its command steps."""
-
-    run: PreparedRun
-    responses: tuple[StepResponse, ...]
+SteppedRun = tuple[PreparedRun, tuple[StepResponse, ...]]
+"""A run and the force responses to its command steps."""
 
 
-def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationSettings) -> SteppedRun | None:
-    """Return a run with the force responses to its command steps; None if the run has no usable step.
+def measure_step_responses(
+    still: Damper, run: PreparedRun, settings: ActuationSettings
+) -> tuple[StepResponse, ...]:
+    """Return the force responses to the usable command steps of a run.
 
     A step is usable if it satisfies three conditions. There are enough settled samples at the commands before
     and after the step, in the direction of motion at the step. The motion continues in this direction. The
@@ -66,7 +64,7 @@ def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationS
     cuts = [0, *switches.tolist(), len(path)]
     settled_samples = round(settings.settling_time_s / step_s)
     if span == 0.0 or np.median(np.diff(cuts)) < 2 * settled_samples:
-        return None
+        return ()
     commands = [float(np.median(path.command[a:b])) for a, b in pairwise(cuts)]
     levels = [round(command / (settings.level_tolerance * span)) for command in commands]
     falls = [False, *(after < before for before, after in pairwise(commands))]
@@ -104,7 +102,7 @@ def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationS
         responses.append(
             StepResponse(window, fraction, size_N, law_before_N, law_after_N, pair, upwards, time_s)
         )
-    return SteppedRun(run, tuple(responses)) if responses else None
+    return tuple(responses)
 
 
 def crossing_time(
@@ -136,10 +134,9 @@ def model_times(
     Steps whose measured or simulated response stays below 63 % are omitted.
     """
     times = []
-    for stepped, force_N in zip(runs, forces_N, strict=True):
-        for response in stepped.responses:
-            fraction = response.model_fraction(force_N)
-            time_s = crossing_time(fraction, stepped.run.trajectory.step, settings)
+    for (run, responses), force_N in zip(runs, forces_N, strict=True):
+        for response in responses:
+            time_s = crossing_time(response.model_fraction(force_N), run.trajectory.step, settings)
             if np.isfinite([time_s, response.time_s]).all():
                 times.append((response, time_s))
     return times
@@ -194,14 +191,28 @@ class ResponseTimes(NamedTuple):
 
 
 def mean_response_times(steps: Sequence[StepResponse], settings: ActuationSettings) -> ResponseTimes:
-    """Return the mean measured times to 63 % of upward and downward steps, and the driver quadrants."""
+    """Return the mean measured times to 63 % of upward and downward steps, and the driver quadrants.
+
+    A driver with one quadrant cannot force the current down. The current free-wheels with the time constant
+    of the coil. Steps to zero then take much longer than other steps, because a step down to a current above
+    zero needs only a part of this time. The quadrants are unknown if the runs lack steps up, steps to zero,
+    or steps down to another value.
+    """
     up, down = (
         mean_time(
             [(step.levels, step.time_s) for step in steps if step.upwards == upwards], settings.map_error
         )
         for upwards in (True, False)
     )
-    return ResponseTimes(up, down, driver_quadrants(steps, up.mean_s, settings.free_wheeling_time_ratio))
+    to_zero, to_level = (
+        [step.time_s for step in steps if not step.upwards and (step.levels[1] == 0) == is_zero]
+        for is_zero in (True, False)
+    )
+    if not (to_zero and to_level and math.isfinite(up.mean_s)):
+        return ResponseTimes(up, down)
+    other_s = max(float(np.mean(to_level)), up.mean_s)
+    is_slow = float(np.mean(to_zero)) > settings.free_wheeling_time_ratio * other_s
+    return ResponseTimes(up, down, driver_quadrants=1 if is_slow else 2)
 
 
 def mean_time(times: Sequence[tuple[tuple[int, int], float]], relative_error: float = 0.0) -> MeanTime:
@@ -225,19 +236,3 @@ def mean_time(times: Sequence[tuple[tuple[int, int], float]], relative_error: fl
     scatter = float(np.std(means, ddof=1)) / math.sqrt(count) if count > 1 else repeat_error
     mean = float(means.mean())
     return MeanTime(mean, math.hypot(max(scatter, repeat_error), relative_error * mean), repeat_error)
-
-
-def driver_quadrants(steps: Sequence[StepResponse], up_s: float, ratio: float) -> int | None:
-    """Return the quadrants of the current driver: 1 if steps to zero take much longer than others, else 2.
-
-    Return None if the runs lack steps up, steps to zero, or steps down to another value. A driver with one
-    quadrant cannot force the current down. The current free-wheels with the time constant of the coil. A step
-    down to a current above zero needs only a part of this time.
-    """
-    to_zero, to_level = (
-        [step.time_s for step in steps if not step.upwards and (step.levels[1] == 0) == is_zero]
-        for is_zero in (True, False)
-    )
-    if not (to_zero and to_level and math.isfinite(up_s)):
-        return None
-    return 1 if float(np.mean(to_zero)) > ratio * max(float(np.mean(to_level)), up_s) else 2

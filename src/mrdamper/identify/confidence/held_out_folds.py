@@ -18,7 +18,7 @@ from scipy.special import stdtrit
 from mrdamper.arrays import FloatArray, inverse_sizes, rms
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import ConvergenceError
-from mrdamper.identify.confidence.settings import DEFAULT_SETTINGS, ConfidenceSettings
+from mrdamper.identify.confidence.settings import SETTINGS
 from mrdamper.identify.limits import make_feasible
 from mrdamper.identify.motions import Fold, block_count, fold_content, folds_of, motion_groups
 from mrdamper.identify.problem import FitProblem, SearchResult
@@ -56,9 +56,7 @@ class RefittedFolds:
     distance: float = 0.0  # mean distance of a held-out run to the nearest fitted motion [-]
 
 
-def refit_without_folds(
-    problem: FitProblem, result: SearchResult, settings: ConfidenceSettings = DEFAULT_SETTINGS
-) -> RefittedFolds | None:
+def refit_without_folds(problem: FitProblem, result: SearchResult) -> RefittedFolds | None:
     """Refit the damper once for each fold, without the data of this fold.
 
     Return None if fewer than two refits succeed. The fit to all runs uses more data than each refit.
@@ -72,7 +70,7 @@ def refit_without_folds(
     for fold in folds:
         objective = Objective(problem, fold.training(windows))
         try:
-            damper, _ = descend(objective, [result.damper], settings.refit_steps)
+            damper, _ = descend(objective, [result.damper], SETTINGS.refit_steps)
         except ConvergenceError:
             continue
         dampers.append(damper)
@@ -89,7 +87,7 @@ def refit_without_folds(
     return RefittedFolds(kind, tuple(dampers), tuple(held_out_errors), expected_ratio, sizes, distance)
 
 
-def force_band(folds: RefittedFolds, settings: ConfidenceSettings = DEFAULT_SETTINGS) -> ForceBand:
+def force_band(folds: RefittedFolds) -> ForceBand:
     """Return the force band, which is expected to contain 90 % of the samples of a held-out motion.
 
     The half width of the band is a factor times a fixed function of the force (``width_unit``). Each fold
@@ -97,19 +95,19 @@ def force_band(folds: RefittedFolds, settings: ConfidenceSettings = DEFAULT_SETT
     these factors plus a multiple of their standard deviation.
     """
     runs = [run for fold in folds.errors for run in fold]
-    base = settings.band_base_ratio * float(np.median([rms(run.force) for run in runs]))
-    run_ratio = settings.band_run_ratio
+    base = SETTINGS.band_base_ratio * float(np.median([rms(run.force) for run in runs]))
+    run_ratio = SETTINGS.band_run_ratio
     quantiles = [
         np.quantile(
             np.concatenate([np.abs(r.error) / width_unit(r.force, run_ratio, base) for r in fold]),
-            settings.band_coverage,
+            SETTINGS.band_coverage,
         )
         for fold in folds.errors
     ]
     errors = [run.nrmse_percent for run in runs]
     return ForceBand(
-        share=settings.band_coverage,
-        factor=float(np.mean(quantiles) + settings.band_spread * np.std(quantiles, ddof=1)),
+        share=SETTINGS.band_coverage,
+        factor=float(np.mean(quantiles) + SETTINGS.band_spread * np.std(quantiles, ddof=1)),
         run_share=run_ratio,
         base_N=base,
         expected_nrmse_percent=folds.expected_ratio * float(np.median(errors)),
@@ -118,7 +116,7 @@ def force_band(folds: RefittedFolds, settings: ConfidenceSettings = DEFAULT_SETT
         folds=len(folds.errors),
         motions=folds.motions,
         usual_distance=folds.distance,
-        widening=settings.band_widening if folds.motions else 0.0,
+        widening=SETTINGS.band_widening if folds.motions else 0.0,
     )
 
 
@@ -126,7 +124,6 @@ def with_changing_current(
     band: ForceBand,
     damper: Damper,
     runs: Sequence[PreparedRun],
-    settings: ConfidenceSettings = DEFAULT_SETTINGS,
 ) -> ForceBand:
     """Return the force band with an additional factor for runs with changing current.
 
@@ -139,9 +136,9 @@ def with_changing_current(
         scored = slice(run.scored_from, None)
         width = band.half_width(force[scored], band.widened(run.trajectory))
         errors = np.abs(run.force - force)[scored]
-        ratios.append(float(np.quantile(errors / width, settings.band_coverage)))
+        ratios.append(float(np.quantile(errors / width, SETTINGS.band_coverage)))
     spread = float(np.std(ratios, ddof=1)) if len(ratios) > 1 else 0.0
-    ratio = float(np.mean(ratios)) + settings.band_spread * spread
+    ratio = float(np.mean(ratios)) + SETTINGS.band_spread * spread
     return replace(band, changing_current_ratio=max(1.0, ratio))
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.identify.confidence.settings import DEFAULT_SETTINGS
+from mrdamper.identify.confidence.settings import SETTINGS
 from mrdamper.identify.problem import FitProblem, SearchResult
 from mrdamper.identify.search.objective import Box
 from mrdamper.models.card_draws import CardDraws
@@ -56,7 +56,7 @@ def sample_posterior(
     searched = [k for k in moving if not free[k].linear]
     rng = np.random.default_rng(seed)
     accepted: list[FloatArray] = []
-    batches, size = DEFAULT_SETTINGS.batch_count_max, DEFAULT_SETTINGS.batch_sample_count
+    batches, size = SETTINGS.batch_count_max, SETTINGS.batch_sample_count
     for _ in range(batches):
         points = np.tile(mean, (size, 1))
         points[:, moving] += rng.standard_normal((size, len(moving))) @ factor.T

@@ -17,7 +17,7 @@ import numpy as np
 from mrdamper import core
 from mrdamper.arrays import FloatArray, inverse_sizes
 from mrdamper.excitation import Sine, Trajectory, drive
-from mrdamper.identify.confidence.settings import DEFAULT_SETTINGS
+from mrdamper.identify.confidence.settings import SETTINGS
 from mrdamper.identify.evaluate import operating_envelope
 from mrdamper.identify.motions import motion_groups
 from mrdamper.identify.problem import FitProblem, SearchResult
@@ -41,7 +41,7 @@ def propose_tests(problem: FitProblem, result: SearchResult, *, count: int = 3) 
     size, runs = len(names), len(problem.runs)
     known = runs * objective.gram(result.damper, names)[:size, :size]
     scale = inverse_sizes(known)
-    known = known * np.outer(scale, scale) + DEFAULT_SETTINGS.prior_information_ratio * np.eye(size)
+    known = known * np.outer(scale, scale) + SETTINGS.prior_information_ratio * np.eye(size)
     candidates = _candidates(problem, result.damper)
     information = _information(result.damper, names, [path for _, path in candidates])
     information *= np.outer(scale, scale)
@@ -67,19 +67,19 @@ def _candidates(problem: FitProblem, damper: Damper) -> list[tuple[Sine, Traject
     half = 0.5 * (envelope.displacement[1] - envelope.displacement[0])
     speed, acceleration = (max(map(abs, ends)) for ends in (envelope.velocity, envelope.acceleration))
     limits = envelope.temperature if damper.temperature_dependent else None
-    frequencies = np.geomspace(*envelope.frequency, DEFAULT_SETTINGS.proposal_frequency_count).tolist()
+    frequencies = np.geomspace(*envelope.frequency, SETTINGS.proposal_frequency_count).tolist()
     candidates = []
-    for ratio, frequency in product(DEFAULT_SETTINGS.proposal_amplitude_ratios, frequencies):
+    for ratio, frequency in product(SETTINGS.proposal_amplitude_ratios, frequencies):
         amplitude, rate = ratio * half, 2.0 * np.pi * frequency
-        if not DEFAULT_SETTINGS.proposal_velocity_ratio_min * speed <= rate * amplitude <= 1.02 * speed:
+        if not SETTINGS.proposal_velocity_ratio_min * speed <= rate * amplitude <= 1.02 * speed:
             continue
         if rate**2 * amplitude > 1.1 * acceleration:
             continue
-        commands = np.unique(np.linspace(*envelope.command, DEFAULT_SETTINGS.proposal_command_count)).tolist()
+        commands = np.unique(np.linspace(*envelope.command, SETTINGS.proposal_command_count)).tolist()
         for command, kelvin in product(commands, dict.fromkeys(limits or (None,))):
             sine = Sine(amplitude, frequency)
-            duration = DEFAULT_SETTINGS.proposal_period_count / frequency
-            rate_Hz = DEFAULT_SETTINGS.proposal_samples_per_period * frequency
+            duration = SETTINGS.proposal_period_count / frequency
+            rate_Hz = SETTINGS.proposal_samples_per_period * frequency
             path = drive(sine, duration=duration, rate_Hz=rate_Hz, command=command, temperature=kelvin)
             candidates.append((sine, path))
     return candidates
@@ -90,7 +90,7 @@ def _information(damper: Damper, names: Sequence[str], paths: Sequence[Trajector
     tangents, information = Tangents(damper, names, [open_drive(path) for path in paths]), []
     for k in range(len(paths)):
         along = tangents.evaluate_run(k)
-        start = len(along.force) // DEFAULT_SETTINGS.proposal_period_count
+        start = len(along.force) // SETTINGS.proposal_period_count
         scored = along.force[start:]
         squares = along.combine @ core.gram(along.columns, start) @ along.combine.T
         information.append(1e4 * squares / (max(float(np.var(scored)), 1e-300) * len(scored)))

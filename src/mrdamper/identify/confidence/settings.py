@@ -40,4 +40,4 @@ class ConfidenceSettings:
     prior_information_ratio: float = 1e-7  # added to the unit diagonal of the scaled information matrix
 
 
-DEFAULT_SETTINGS = ConfidenceSettings()
+SETTINGS = ConfidenceSettings()

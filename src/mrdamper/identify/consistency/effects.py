@@ -19,7 +19,7 @@ from mrdamper import core
 from mrdamper.arrays import FloatArray, pseudoinverse
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
-from mrdamper.identify.consistency.settings import DEFAULTS
+from mrdamper.identify.consistency.settings import SETTINGS
 from mrdamper.identify.settings import FitSettings
 from mrdamper.identify.windows import FitWindow, one_window
 from mrdamper.models.damper import Damper
@@ -113,11 +113,11 @@ class ResidualAnalysis:
             count += len(residual)
         power = full_power - float(coupling @ self.inverse_curvature @ coupling)
         product -= float(coupling @ self.inverse_curvature @ self.gradient)
-        if power <= DEFAULTS.cause_power_ratio_min * full_power or total == 0.0:
+        if power <= SETTINGS.cause_power_ratio_min * full_power or total == 0.0:
             return NO_EFFECT
         size = product / power
         fraction = min(size**2 * power / total, 1.0)
-        variance = (1.0 - fraction) * total / power / (count / DEFAULTS.correlated_samples)
+        variance = (1.0 - fraction) * total / power / (count / SETTINGS.correlated_samples)
         # The factor 0.01 is needed because the weights express squared errors in %^2.
         return Effect(size, math.sqrt(variance), 0.01 * abs(size) * math.sqrt(power), fraction)
 
@@ -166,7 +166,7 @@ def analyse_residuals(
     count = len(names)
     curvature = sum((r.weight * (r.columns @ r.columns.T) for r in residuals), np.zeros((count, count)))
     gradient = sum((r.weight * (r.columns @ r.residual) for r in residuals), np.zeros(count))
-    inverse = pseudoinverse(curvature, DEFAULTS.singular_value_ratio_min)
+    inverse = pseudoinverse(curvature, SETTINGS.singular_value_ratio_min)
     return ResidualAnalysis(tuple(runs), tuple(residuals), inverse, gradient)
 
 
@@ -177,7 +177,7 @@ def _command_sensitivity(damper: Damper, fit: FitWindow, model: FloatArray) -> F
     the changed command is outside the valid range of the model.
     """
     path, constant = fit.drive.trajectory, fit.drive.constant
-    step = -DEFAULTS.command_step if float(path.command[0]) > DEFAULTS.command_step else DEFAULTS.command_step
+    step = -SETTINGS.command_step if float(path.command[0]) > SETTINGS.command_step else SETTINGS.command_step
     moved = replace(path, command=path.command + step)
     drive = replace(fit.drive, trajectory=moved, constant=None if constant is None else constant + step)
     try:
@@ -191,5 +191,5 @@ def _time_constant_sensitivity(model: FloatArray, step: float) -> FloatArray:
 
     The derivative is approximated by the forces with a typical time constant and without a filter.
     """
-    filtered, _ = core.first_order_lag(model, step, DEFAULTS.filter_time_constant_s)
-    return (filtered - model) / DEFAULTS.filter_time_constant_s
+    filtered, _ = core.first_order_lag(model, step, SETTINGS.filter_time_constant_s)
+    return (filtered - model) / SETTINGS.filter_time_constant_s

@@ -9,7 +9,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray, rms
 from mrdamper.data.finding import Finding, percent
 from mrdamper.identify.consistency.effects import Effect, ResidualAnalysis
-from mrdamper.identify.consistency.settings import DEFAULTS, ConsistencySettings
+from mrdamper.identify.consistency.settings import SETTINGS
 
 NAME_COUNT_MAX = 4  # max number of run names in one message
 
@@ -17,21 +17,19 @@ Deviation = tuple[float, Finding]
 """A pair: the explained fraction of the mean squared residual [-], and the finding that explains it."""
 
 
-def find_group_deviations(
-    analysis: ResidualAnalysis, settings: ConsistencySettings = DEFAULTS
-) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
+def find_group_deviations(analysis: ResidualAnalysis) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
     """Return two tuples: findings about all runs together, and findings about groups of runs.
 
     A cause is ignored if it explains much less than the best cause. If the forces of some runs are delayed,
     the forces of all runs together also appear slightly late. Therefore, a delay of a group of runs and a
     delay of all runs are not reported together, but only the better explanation.
     """
-    common = list(_common_deviations(analysis, settings))
-    gains = [*_two_groups(analysis, "force_gain", settings), *_drift(analysis, settings)]
-    groups = [*gains[:1], *_two_groups(analysis, "force_delay", settings)]
+    common = list(_common_deviations(analysis))
+    gains = [*_two_groups(analysis, "force_gain"), *_drift(analysis)]
+    groups = [*gains[:1], *_two_groups(analysis, "force_delay")]
     groups = sorted(groups, key=lambda group: -group[0])[:1]
     has_late_group = any(finding.kind == "group_delay" for _, finding in groups)
-    ratio = 1.0 if has_late_group else settings.second_cause_ratio_min
+    ratio = 1.0 if has_late_group else SETTINGS.second_cause_ratio_min
     fraction_min = ratio * max((fraction for fraction, _ in (*common, *groups)), default=0.0)
     return (
         tuple(finding for fraction, finding in common if fraction >= fraction_min),
@@ -39,18 +37,18 @@ def find_group_deviations(
     )
 
 
-def _common_deviations(analysis: ResidualAnalysis, settings: ConsistencySettings) -> Iterator[Deviation]:
+def _common_deviations(analysis: ResidualAnalysis) -> Iterator[Deviation]:
     """Generate the finding that the force of all runs is delayed or filtered.
 
     At a single frequency, a delay and a filter have nearly the same effect. Therefore a filter has to explain
     clearly more than a delay.
     """
     delay, pole = analysis.common_effect("force_delay"), analysis.common_effect("force_bandwidth")
-    is_filter = pole.size > 0.0 and pole.fraction > settings.filter_ratio_min * delay.fraction
+    is_filter = pole.size > 0.0 and pole.fraction > SETTINGS.filter_ratio_min * delay.fraction
     effect = pole if is_filter else delay
-    if abs(effect.size) < settings.common_delay_min_s or effect.fraction < settings.common_fraction_min:
+    if abs(effect.size) < SETTINGS.common_delay_min_s or effect.fraction < SETTINGS.common_fraction_min:
         return
-    if _is_single_run(analysis, "force_delay", effect, settings):
+    if _is_single_run(analysis, "force_delay", effect):
         return
     if is_filter:
         words = f"filtered at about {1.0 / (2.0 * np.pi * effect.size):.2g} Hz"
@@ -58,7 +56,6 @@ def _common_deviations(analysis: ResidualAnalysis, settings: ConsistencySettings
         words = f"{1e3 * abs(effect.size):.2g} ms {'late' if effect.size > 0.0 else 'early'}"
     finding = Finding(
         kind="common_bandwidth" if is_filter else "common_delay",
-        severity="warning",
         channel="force",
         size=effect.size,
         unit="s",
@@ -70,71 +67,69 @@ def _common_deviations(analysis: ResidualAnalysis, settings: ConsistencySettings
     yield effect.fraction, finding.add_interval(effect.standard_error)
 
 
-def _two_groups(analysis: ResidualAnalysis, kind: str, settings: ConsistencySettings) -> Iterator[Deviation]:
+def _two_groups(analysis: ResidualAnalysis, kind: str) -> Iterator[Deviation]:
     """Generate the finding that the runs form two groups with clearly different gains or delays.
 
     The finding describes the smaller group. Runs are ignored if the standard error of their gain or delay is
     large. For example, a run without force contains no information about the gain.
     """
-    effects, is_delay = analysis.run_effects(kind), kind == "force_delay"
+    effects = analysis.run_effects(kind)
     values, errors = np.array([(effect.size, effect.standard_error) for effect in effects]).T
-    numbers = np.flatnonzero(errors <= settings.error_ratio_max * np.median(errors))
+    numbers = np.flatnonzero(errors <= SETTINGS.error_ratio_max * np.median(errors))
     order = numbers[np.argsort(values[numbers])]
     sizes = values[order]
-    if len(sizes) < 2 * settings.peer_count_min:
+    if len(sizes) < 2 * SETTINGS.peer_count_min:
         return
     cut = int(np.argmax(np.diff(sizes))) + 1
     low, high = sizes[:cut], sizes[cut:]
-    difference = float(high.mean() - low.mean())
     scatter = rms(np.concatenate([low - low.mean(), high - high.mean()]))
-    smallest = settings.group_delay_min_s if is_delay else settings.gain_difference_min
-    if min(len(low), len(high)) < settings.peer_count_min:
+    smallest = SETTINGS.group_delay_min_s if kind == "force_delay" else SETTINGS.gain_difference_min
+    if min(len(low), len(high)) < SETTINGS.peer_count_min:
         return
-    if difference < max(smallest, settings.group_scatter_ratio_min * scatter):
+    if float(high.mean() - low.mean()) < max(smallest, SETTINGS.group_scatter_ratio_min * scatter):
         return
     group = order[:cut] if len(low) < len(high) else order[cut:]
     effect = analysis.common_effect(kind, np.isin(np.arange(len(values)), group).astype(np.float64))
     if effect.fraction < analysis.common_effect(kind, _ramp(analysis)).fraction:
         return  # A drift explains the residuals better than two groups.
-    error = scatter * float(np.sqrt(1.0 / len(low) + 1.0 / len(high)))
     names = ", ".join(analysis.runs[number].name for number in sorted(group.tolist())[:NAME_COUNT_MAX])
     which = f"the {len(group)} runs ({names}{' ...' * (len(group) > NAME_COUNT_MAX)})"
     size, is_larger = effect.size, effect.size > 0.0
-    difference_in_words = (
-        f"{1e3 * abs(size):.2g} ms {'later' if is_larger else 'earlier'}"
-        if is_delay
-        else f"{percent(abs(size))} {'larger' if is_larger else 'smaller'}"
-    )
-    finding = Finding(
-        kind="group_delay" if is_delay else "two_groups",
-        severity="warning",
-        channel="force",
-        size=size if is_delay else 1.0 + size,
-        unit="s" if is_delay else "",
-        found=f"the force of {which} is {difference_in_words} than the force of the other runs",
-        effect="Yield displacement and viscosity of the card are between the values of the two groups"
-        if is_delay
-        else "One card is fitted to two dampers, two temperatures or two calibrations",
-        remedy="Compare the filters and converters of the two groups; until then, fit the groups separately"
-        if is_delay
-        else "Fit the two groups separately and compare the cards; record the temperature",
-    )
-    yield effect.fraction, finding.add_interval(error)
+    if kind == "force_delay":
+        finding = Finding(
+            kind="group_delay",
+            channel="force",
+            size=size,
+            unit="s",
+            found=f"the force of {which} is {1e3 * abs(size):.2g} ms {'later' if is_larger else 'earlier'} "
+            "than the force of the other runs",
+            effect="Yield displacement and viscosity of the card are between the values of the two groups",
+            remedy="Compare the filters and converters of the two groups; until then, fit the groups "
+            "separately",
+        )
+    else:
+        finding = Finding(
+            kind="two_groups",
+            channel="force",
+            size=1.0 + size,
+            found=f"the force of {which} is {percent(abs(size))} {'larger' if is_larger else 'smaller'} "
+            "than the force of the other runs",
+            effect="One card is fitted to two dampers, two temperatures or two calibrations",
+            remedy="Fit the two groups separately and compare the cards; record the temperature",
+        )
+    yield effect.fraction, finding.add_interval(scatter * float(np.sqrt(1.0 / len(low) + 1.0 / len(high))))
 
 
-def _drift(analysis: ResidualAnalysis, settings: ConsistencySettings) -> Iterator[Deviation]:
+def _drift(analysis: ResidualAnalysis) -> Iterator[Deviation]:
     """Generate the finding that the force increases or decreases from the first run to the last run."""
     count = len(analysis.runs)
     effect = analysis.common_effect("force_gain", _ramp(analysis))
-    if count < 2 * settings.peer_count_min or abs(effect.size) < settings.gain_difference_min:
+    if count < 2 * SETTINGS.peer_count_min or abs(effect.size) < SETTINGS.gain_difference_min:
         return
-    if effect.fraction < settings.drift_fraction_min:
-        return
-    if _is_single_run(analysis, "force_gain", effect, settings):
+    if effect.fraction < SETTINGS.drift_fraction_min or _is_single_run(analysis, "force_gain", effect):
         return
     finding = Finding(
         kind="campaign_drift",
-        severity="warning",
         channel="force",
         size=effect.size,
         found=f"the force {'grows' if effect.size > 0.0 else 'falls'} by {percent(abs(effect.size))} from "
@@ -151,9 +146,7 @@ def _ramp(analysis: ResidualAnalysis) -> FloatArray:
     return np.linspace(-0.5, 0.5, len(analysis.runs))
 
 
-def _is_single_run(
-    analysis: ResidualAnalysis, kind: str, effect: Effect, settings: ConsistencySettings
-) -> bool:
+def _is_single_run(analysis: ResidualAnalysis, kind: str, effect: Effect) -> bool:
     """Return True if a single run explains the effect that was estimated for all runs."""
     levels = [each.level for each in analysis.run_effects(kind)]
-    return max(levels) > settings.single_run_ratio_min * effect.level * float(np.sqrt(len(levels)))
+    return max(levels) > SETTINGS.single_run_ratio_min * effect.level * float(np.sqrt(len(levels)))

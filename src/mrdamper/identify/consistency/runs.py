@@ -8,9 +8,10 @@ scatter of all runs. The simplest sufficient cause is reported.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +19,71 @@ from numpy.typing import NDArray
 from mrdamper.arrays import DEVIATION_PER_MAD, BoolArray, FloatArray, level_numbers, rms
 from mrdamper.data.finding import Finding
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.identify.consistency.causes import CAUSES
 from mrdamper.identify.consistency.effects import ResidualAnalysis, analyse_residuals
 from mrdamper.identify.consistency.groups import find_group_deviations
-from mrdamper.identify.consistency.settings import DEFAULTS, ConsistencySettings
+from mrdamper.identify.consistency.settings import SETTINGS
 from mrdamper.models.damper import Damper
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """One possible cause of a deviation, with its thresholds.
+
+    The *size* of a cause (for example a delay in seconds) is estimated for each run and compared with the
+    size in comparable runs. The *deviation* of the run is the rms force that this difference explains,
+    divided by the typical residual. The cause is reported only if the run exceeds all thresholds.
+    """
+
+    unit: str
+    size_min: float  # min size; for a wrong command label multiplied by the command range (at least 1)
+    scatter_ratio_min: float  # min deviation, divided by the scatter of the deviations of all runs
+    deviation_min: float
+    words: str  # message, a format string with the fields ``size`` and ``unit``
+    effect: str
+    remedy: str
+    weight: float = 1.0  # weight in the comparison of causes; below 1 for a less common cause
+
+
+# The causes are sorted from simple to complex.
+CAUSES: Mapping[str, Cause] = MappingProxyType(
+    {
+        "force_delay": Cause(
+            "s", 1.0e-3, 3.2, 0.15,
+            "its force has a delay of {size:.3g} ms relative to the other runs, for example by a filter",
+            "The fit describes the delay as hysteresis, so the yield displacement of the card is wrong",
+            "Compare the filters and converters of this run with those of the other runs",
+        ),
+        "force_gain": Cause(
+            "", 0.03, 2.5, 0.4,
+            "its force is {size:.3f} times the force of the other runs",
+            "This run changes the peak force and the viscosity of the card",
+            "Check the range and amplifier of the load cell, and the current, because one run does not show "
+            "which of them is wrong",
+        ),
+        "command_label": Cause(
+            "A", 0.02, 2.5, 0.4,
+            "its force equals the force of the other runs at another command, which differs by {size:+.3f} "
+            "{unit} from the command of this run",
+            "The force of the card is wrong near the command of this run",
+            "Compare the current with the record of the current source, and check the gain of the force, "
+            "because one run does not show which of them is wrong",
+        ),
+        "force_saturation": Cause(
+            "", 0.06, 4.0, 0.4,
+            "its force peaks are flatter than the peaks of the other runs, by {size:.2g} of the peak force, "
+            "as with an amplifier near the end of its range",
+            "Peak forces and viscosity of the card are too small",
+            "Compare the range of the load cell with the peak force, and repeat the run with a larger range",
+            weight=0.7,
+        ),
+        "force_offset_of_run": Cause(
+            "N", 3.0, 6.0, 0.5,
+            "its force is shifted by {size:+.4g} N relative to the force of the other runs",
+            "A model without an offset cannot describe this shift, so its error is larger",
+            "Zero the load cell before each run",
+        ),
+    }
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +104,6 @@ def find_deviations(
     free: Sequence[str] = (),
     suspect: str = "",
     is_confirmed: bool = False,
-    settings: ConsistencySettings = DEFAULTS,
 ) -> tuple[Finding, ...]:
     """Return findings about runs and groups of runs that deviate from the fitted model.
 
@@ -55,17 +115,17 @@ def find_deviations(
         reporting the suspect are higher
     """
     steady = _steady_runs(runs)
-    if len(steady) < settings.run_count_min:
+    if len(steady) < SETTINGS.run_count_min:
         return ()
     analysis = analyse_residuals(damper, steady, free, suspect=suspect)
-    common, groups = find_group_deviations(analysis, settings)
+    common, groups = find_group_deviations(analysis)
     if groups:
         return (*common, *groups)
     ratios = np.ones(len(steady))
     if not is_confirmed:
-        ratios[[run.name == suspect for run in steady]] = settings.unfitted_ratio_min
-    deviations = _deviating_runs(analysis, ratios, suspect, settings)
-    exchanged = dict(_exchanged_labels(analysis, deviations, settings))
+        ratios[[run.name == suspect for run in steady]] = SETTINGS.unfitted_ratio_min
+    deviations = _deviating_runs(analysis, ratios, suspect)
+    exchanged = dict(_exchanged_labels(analysis, deviations))
     return common + tuple(
         exchanged.get(number) or _run_finding(steady[number], deviation)
         for number, deviation in deviations.items()
@@ -73,11 +133,7 @@ def find_deviations(
 
 
 def find_suspects(
-    damper: Damper,
-    runs: Sequence[PreparedRun],
-    *,
-    free: Sequence[str] = (),
-    settings: ConsistencySettings = DEFAULTS,
+    damper: Damper, runs: Sequence[PreparedRun], *, free: Sequence[str] = ()
 ) -> tuple[str, ...]:
     """Return the names of at most two suspect runs. The caller repeats the fit without each of them.
 
@@ -86,14 +142,14 @@ def find_suspects(
     run well and correct runs badly.
     """
     steady = _steady_runs(runs)
-    if len(steady) < settings.run_count_min:
+    if len(steady) < SETTINGS.run_count_min:
         return ()
     analysis = analyse_residuals(damper, steady, free)
-    ratios = np.full(len(steady), settings.suspect_ratio_min)
-    suspects = list(_deviating_runs(analysis, ratios, "", settings))[:1]
-    levels = analysis.levels / _typical_levels(analysis, settings)
+    ratios = np.full(len(steady), SETTINGS.suspect_ratio_min)
+    suspects = list(_deviating_runs(analysis, ratios, ""))[:1]
+    levels = analysis.levels / _typical_levels(analysis)
     worst = int(np.argmax(levels))
-    if levels[worst] > settings.suspect_level_ratio_min and worst not in suspects:
+    if levels[worst] > SETTINGS.suspect_level_ratio_min and worst not in suspects:
         suspects.append(worst)
     return tuple(steady[number].name for number in suspects)
 
@@ -107,9 +163,7 @@ def _steady_runs(runs: Sequence[PreparedRun]) -> list[PreparedRun]:
     return [run for run in runs if run.run.constant_command is not None]
 
 
-def _deviating_runs(
-    analysis: ResidualAnalysis, ratios_min: FloatArray, suspect: str, settings: ConsistencySettings
-) -> dict[int, Deviation]:
+def _deviating_runs(analysis: ResidualAnalysis, ratios_min: FloatArray, suspect: str) -> dict[int, Deviation]:
     """Return the deviation and the simplest sufficient cause of each deviating run, worst run first.
 
     ``ratios_min``, shape (runs,), multiplies the thresholds of each run. A run with a large deviation
@@ -117,18 +171,18 @@ def _deviating_runs(
     """
     runs = analysis.runs
     is_compared = np.array([run.name != suspect for run in runs])
-    typical = _typical_levels(analysis, settings)
-    peers, level_numbers = _peer_columns(runs, settings), _command_levels(runs, settings)
+    typical = _typical_levels(analysis)
+    peers, level_numbers = _peer_columns(runs), _command_levels(runs)
     deviations: dict[int, Deviation] = {}
     for kind, cause in CAUSES.items():
         effects = analysis.run_effects(kind)
         sizes = np.array([effect.size for effect in effects])
         per_size = np.array([effect.level / (abs(effect.size) or 1.0) for effect in effects]) / typical
-        amounts, scatter_of_all = _amounts(sizes, per_size, peers, is_compared, settings)
+        amounts, scatter_of_all = _amounts(sizes, per_size, peers, is_compared)
         for number, amount in enumerate(amounts.tolist()):
             same_command = is_compared & (level_numbers == level_numbers[number])
             scatter = scatter_of_all
-            if same_command.sum() >= settings.scatter_run_count_min:
+            if same_command.sum() >= SETTINGS.scatter_run_count_min:
                 # The model error depends on the command, so each command has its own scatter.
                 mad = float(np.median(np.abs(amounts[same_command])))
                 scatter = max(scatter, DEVIATION_PER_MAD * mad)
@@ -138,21 +192,21 @@ def _deviating_runs(
             if kind == "command_label":
                 size_min *= max(float(np.ptp(_commands(runs))), 1.0)
             elif kind == "force_delay":
-                size_min = max(size_min, settings.delay_period_ratio_min * (runs[number].period_s or 0.0))
+                size_min = max(size_min, SETTINGS.delay_period_ratio_min * (runs[number].period_s or 0.0))
             ratio = min(abs(amount) / needed, abs(size) / size_min)
             if ratio < ratios_min[number]:
                 continue
             error = max(scatter / (float(per_size[number]) or 1.0), effects[number].standard_error)
             deviation = Deviation(kind, size, error, ratio, cause.weight * abs(amount))
             former = deviations.get(number)
-            if former is None or former.strength < settings.simple_cause_ratio_min * deviation.strength:
+            if former is None or former.strength < SETTINGS.simple_cause_ratio_min * deviation.strength:
                 deviations[number] = deviation
     worst = max((each.ratio for each in deviations.values()), default=0.0)
     ordered = sorted(deviations.items(), key=lambda item: -item[1].ratio)
-    return {number: each for number, each in ordered if each.ratio > settings.worst_ratio_min * worst}
+    return {number: each for number, each in ordered if each.ratio > SETTINGS.worst_ratio_min * worst}
 
 
-def _typical_levels(analysis: ResidualAnalysis, settings: ConsistencySettings) -> FloatArray:
+def _typical_levels(analysis: ResidualAnalysis) -> FloatArray:
     """Return the typical residual of each run: the median over the runs with the same command, shape (runs,).
 
     Each command has its own typical residual because many models have larger errors at zero current. But a
@@ -160,21 +214,17 @@ def _typical_levels(analysis: ResidualAnalysis, settings: ConsistencySettings) -
     typical residual is limited to a multiple of the median of all runs.
     """
     levels, typical = analysis.levels, []
-    numbers = _command_levels(analysis.runs, settings)
+    numbers = _command_levels(analysis.runs)
     median = float(np.median(levels))
     for number in numbers:
         peers = numbers == number
-        level = float(np.median(levels[peers])) if peers.sum() >= settings.peer_count_min else median
-        typical.append(min(level, settings.level_ratio_max * median) or 1.0)
+        level = float(np.median(levels[peers])) if peers.sum() >= SETTINGS.peer_count_min else median
+        typical.append(min(level, SETTINGS.level_ratio_max * median) or 1.0)
     return np.array(typical)
 
 
 def _amounts(
-    sizes: FloatArray,
-    per_size: FloatArray,
-    peers: FloatArray,
-    is_compared: BoolArray,
-    settings: ConsistencySettings,
+    sizes: FloatArray, per_size: FloatArray, peers: FloatArray, is_compared: BoolArray
 ) -> tuple[FloatArray, float]:
     """Return the deviation of each run from comparable runs, and the scatter of these deviations.
 
@@ -186,7 +236,7 @@ def _amounts(
     results = []
     for design in (peers, np.ones((len(sizes), 1))):
         weight, rest = per_size.copy(), sizes
-        for _ in range(settings.iteration_count):
+        for _ in range(SETTINGS.iteration_count):
             root = np.sqrt(weight * is_compared)
             peer_sizes = np.linalg.lstsq(design * root[:, None], sizes * root, rcond=None)[0]
             rest = sizes - design @ peer_sizes
@@ -201,7 +251,7 @@ def _amounts(
     return min(results, key=lambda result: result[1])
 
 
-def _peer_columns(runs: Sequence[PreparedRun], settings: ConsistencySettings) -> FloatArray:
+def _peer_columns(runs: Sequence[PreparedRun]) -> FloatArray:
     """Return the regression matrix for the typical size of a cause, shape (runs, columns).
 
     If most combinations of command and motion are repeated, for example at several temperatures, each
@@ -209,23 +259,23 @@ def _peer_columns(runs: Sequence[PreparedRun], settings: ConsistencySettings) ->
     the same motion, each command has two columns: a constant, and a slope versus the logarithm of speed. A
     small campaign has only columns for the commands, or a single column.
     """
-    levels, motions = _command_levels(runs, settings).tolist(), [run.motion for run in runs]
+    levels, motions = _command_levels(runs).tolist(), [run.motion for run in runs]
 
     def columns_of(labels: Sequence[object]) -> FloatArray:
         return np.array([[label == each for each in dict.fromkeys(labels)] for label in labels], np.float64)
 
     commands, cells = columns_of(levels), list(zip(levels, motions, strict=True))
-    design, group_count_max = commands, len(runs) / settings.peer_count_min
+    design, group_count_max = commands, len(runs) / SETTINGS.peer_count_min
     if len(set(cells)) <= group_count_max:
         design = columns_of(cells)
     elif len(set(motions)) <= group_count_max:
         design = np.column_stack([commands, columns_of(motions)])
-    elif commands.sum(axis=0).min() > settings.peer_count_min:
+    elif commands.sum(axis=0).min() > SETTINGS.peer_count_min:
         speed = np.log([float(np.std(run.trajectory.velocity)) for run in runs])
         mean = (commands.T @ speed) / commands.sum(axis=0)
         design = np.column_stack([commands, commands * (speed[:, None] - mean)])
     for columns in (design, commands):
-        if len(runs) - int(np.linalg.matrix_rank(columns)) >= settings.spare_run_count_min:
+        if len(runs) - int(np.linalg.matrix_rank(columns)) >= SETTINGS.spare_run_count_min:
             return columns
     return np.ones((len(runs), 1))
 
@@ -234,10 +284,10 @@ def _commands(runs: Sequence[PreparedRun]) -> FloatArray:
     return np.array([run.run.constant_command for run in runs], dtype=np.float64)
 
 
-def _command_levels(runs: Sequence[PreparedRun], settings: ConsistencySettings) -> NDArray[np.intp]:
+def _command_levels(runs: Sequence[PreparedRun]) -> NDArray[np.intp]:
     """Return the group number of each run, shape (runs,); runs with equal commands have the same number."""
     commands = _commands(runs)
-    return level_numbers(commands, settings.command_tolerance_ratio * (float(np.ptp(commands)) or 1.0))
+    return level_numbers(commands, SETTINGS.command_tolerance_ratio * (float(np.ptp(commands)) or 1.0))
 
 
 def _run_finding(run: PreparedRun, deviation: Deviation) -> Finding:
@@ -246,7 +296,6 @@ def _run_finding(run: PreparedRun, deviation: Deviation) -> Finding:
     value = 1.0 + size if kind == "force_gain" else size
     return Finding(
         kind=kind,
-        severity="warning",
         channel="current" if kind == "command_label" else "force",
         run=run.name,
         size=value,
@@ -258,7 +307,7 @@ def _run_finding(run: PreparedRun, deviation: Deviation) -> Finding:
 
 
 def _exchanged_labels(
-    analysis: ResidualAnalysis, deviations: Collection[int], settings: ConsistencySettings
+    analysis: ResidualAnalysis, deviations: Collection[int]
 ) -> Iterator[tuple[int, Finding]]:
     """Generate index and finding of each run that probably has another run's command label."""
     runs, commands = analysis.runs, _commands(analysis.runs)
@@ -268,7 +317,7 @@ def _exchanged_labels(
         if difference == 0.0 or runs[a].motion != runs[b].motion:
             continue
         ratios = np.array([shifts_A[a], -shifts_A[b]]) / difference
-        if settings.exchange_ratio_min < ratios.min() and ratios.max() < settings.exchange_ratio_max:
+        if SETTINGS.exchange_ratio_min < ratios.min() and ratios.max() < SETTINGS.exchange_ratio_max:
             error = abs(difference) * float(np.ptp(ratios))
             finding = _run_finding(runs[a], Deviation("command_label", difference, error, 1.0, 1.0))
             found = (

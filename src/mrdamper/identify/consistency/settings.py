@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConsistencySettings:
-    """Thresholds of the consistency test. The module ``causes`` defines the thresholds of each cause.
+    """Thresholds of the consistency test. ``runs.CAUSES`` has the thresholds of each cause.
 
     Residuals are divided by the standard deviation of the force before comparison with a threshold.
     """
@@ -51,7 +51,6 @@ class ConsistencySettings:
     # min residual that a second cause explains, divided by the residual that the best cause explains
     second_cause_ratio_min: float = 0.5
 
-    training_cv_ratio_max: float = 1.5  # max training error, divided by the cross-validation error
     # Settings for estimating the effect of a possible rig error (cause), such as a delay, on the force
     command_step: float = 0.02  # step of the difference quotient with respect to the command [A or V]
     filter_time_constant_s: float = 0.02  # The assumed filter has a bandwidth of 8 Hz.
@@ -61,4 +60,4 @@ class ConsistencySettings:
     correlated_samples: float = 10.0  # samples that count as one independent sample of the residual
 
 
-DEFAULTS = ConsistencySettings()
+SETTINGS = ConsistencySettings()

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from itertools import combinations
 
-from mrdamper.identify.consistency.errors import ErrorSummary
 from mrdamper.identify.problem import Estimate, SearchResult
+from mrdamper.identify.scores import ErrorSummary
 from mrdamper.identify.selection.select import CandidateScore, Selection
 from mrdamper.report.page import significant
 from mrdamper.report.sections import Column, Table
