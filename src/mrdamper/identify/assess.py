@@ -46,20 +46,16 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun]) -> float:
     envelope = envelope_of(runs)
     stroke = max(abs(end) for end in envelope.displacement)
     speed = max(abs(end) for end in envelope.velocity)
-    ends = (None,) if envelope.temperature is None else envelope.temperature
-    paths = []
+    temperatures = dict.fromkeys(envelope.temperature or (None,))
     commands = np.linspace(*envelope.command, 5).tolist()
-    for ratio, speed_ratio, command, kelvin in product(
-        (0.01, 0.1, 1.0), (0.2, 1.0), commands, dict.fromkeys(ends)
-    ):
-        amplitude = ratio * stroke
-        frequency = speed_ratio * speed / (2.0 * np.pi * amplitude)
+    amplitudes, paths = [], []
+    for ratio, speed_ratio, at, kelvin in product((0.01, 0.1, 1.0), (0.2, 1.0), commands, temperatures):
+        amplitudes.append(ratio * stroke)
+        frequency = speed_ratio * speed / (2.0 * np.pi * amplitudes[-1])
         timing = {"duration": 2.0 / frequency, "rate_Hz": 500.0 * frequency}
-        paths.append(
-            (amplitude, drive(Sine(amplitude, frequency), **timing, command=command, temperature=kelvin))
-        )
+        paths.append(drive(Sine(amplitudes[-1], frequency), **timing, command=at, temperature=kelvin))
     work_min = np.inf
-    for (amplitude, path), force in zip(paths, simulate_each(damper, [p for _, p in paths]), strict=True):
+    for amplitude, path, force in zip(amplitudes, paths, simulate_each(damper, paths), strict=True):
         # The first and the last point of a closed cycle are the same point, so only one of them is counted.
         second = slice(len(path) // 2 + 1, None)
         work = float(force[second] @ path.velocity[second]) * path.step

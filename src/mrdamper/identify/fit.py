@@ -135,15 +135,14 @@ def fit_law(
     problem = data.problem(chosen, terms)
     if data.settings.method == "genetic":
         result = fit_genetic(problem, seed=data.settings.genetic_seed, on_progress=on_progress)
+    elif interrupted:
+        one_step = replace(problem, settings=replace(data.settings, iterations_max=1))
+        result = replace(_fit_windows(one_step, dampers[:1], on_progress), cancelled=True)
     else:
         if not dampers and archetypes_of(chosen):
             evaluator = CandidateEvaluator(data, terms=terms)
             dampers = evaluator.starts(evaluator.initial_candidate(chosen.name))
-        settings = replace(data.settings, iterations_max=1) if interrupted else data.settings
-        result = _fit_windows(
-            replace(problem, settings=settings), dampers[:1] if interrupted else dampers, on_progress
-        )
-        result = replace(result, cancelled=result.cancelled or interrupted)
+        result = _fit_windows(problem, dampers, on_progress)
     result, band, tests = _for_other_motions(problem, result)
     if data.fluid is not None:
         result = replace(result, damper=scale_thinning(result.damper))

@@ -79,7 +79,7 @@ class FitData:
         changing = tuple(run for run in distinct if run.run.constant_command is None)
         if command_levels(steady) < 2:
             # The law needs two currents. Therefore law and lag are fitted together to all runs.
-            steady, changing = distinct, ()
+            steady, changing = tuple(distinct), ()
         return cls(
             prepared,
             unseen,
@@ -139,13 +139,11 @@ def _content(run: PreparedRun) -> tuple[float | str, ...]:
     )
 
 
-def _without_repetitions(
-    runs: Sequence[PreparedRun],
-) -> tuple[tuple[PreparedRun, ...], tuple[PreparedRun, ...]]:
+def _without_repetitions(runs: Sequence[PreparedRun]) -> tuple[list[PreparedRun], list[PreparedRun]]:
     """Return the runs without exact repetitions, sorted by their data, and the repeated runs."""
     distinct: dict[tuple[float | str, ...], PreparedRun] = {}
     repeated = [run for run in runs if distinct.setdefault(_content(run), run) is not run]
-    return tuple(distinct[key] for key in sorted(distinct)), tuple(repeated)
+    return [distinct[key] for key in sorted(distinct)], repeated
 
 
 def _noisy_currents(runs: Dataset, prepared: Sequence[PreparedRun]) -> tuple[str, ...]:
@@ -157,6 +155,5 @@ def _noisy_currents(runs: Dataset, prepared: Sequence[PreparedRun]) -> tuple[str
     ]
     if not noisy:
         return ()
-    most_m = 1e3 * max(float(np.std(run.command)) for run in noisy)
-    level = f"noise about a level (at most {most_m:.0f} m{noisy[0].command_unit})"
-    return (f"the command of {len(noisy)} runs is {level}: taken as steady",)
+    noise = f"{1e3 * max(float(np.std(run.command)) for run in noisy):.0f} m{noisy[0].command_unit}"
+    return (f"the command of {len(noisy)} runs is noise about a level (at most {noise}): taken as steady",)

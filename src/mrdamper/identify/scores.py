@@ -58,8 +58,7 @@ def score_each(
     damper: Damper, runs: Sequence[PreparedRun], split: Split = "held_out", band: ForceBand | None = None
 ) -> tuple[RunError, ...]:
     """Return the errors of a damper on each of several runs. All runs are simulated in one call."""
-    for each in runs:
-        run = each.run
+    for run in (each.run for each in runs):
         if run.command_unit != damper.command_unit:
             raise InputError(
                 place=run.name,
@@ -78,8 +77,7 @@ def _score(prepared: PreparedRun, force: FloatArray, split: Split, band: ForceBa
     spread, whole = float(np.std(prepared.force[start:])), float(np.std(prepared.force))
     if not spread > 0.0:
         raise InputError(place=run.name, found="the force does not change after the motion starts")
-    count = len(force) - start
-    cycles = 1
+    count, cycles = len(force) - start, 1
     if prepared.period_s:
         period = max(round(prepared.period_s / path.step), 1)
         cycles = max(count // period, 1)

@@ -184,12 +184,10 @@ def apply_fluid(forms: Mapping[str, ParameterLaw], fluid: FluidFactors) -> dict[
     """
     assumed: dict[str, ParameterLaw] = dict(forms)
     for name, form in forms.items():
-        if not isinstance(form, Constant | Polynomial | Hill | Exponential):
-            continue
-        if name in _VISCOUS:
-            assumed[name] = TemperatureDependent(form, fluid.viscosity_factor, assumed=True)
-        elif name in _YIELDING:
-            assumed[name] = TemperatureDependent(form, fluid.yield_factor, assumed=True)
+        factor = fluid.viscosity_factor if name in _VISCOUS else fluid.yield_factor
+        is_affected = name in (*_VISCOUS, *_YIELDING)
+        if is_affected and isinstance(form, Constant | Polynomial | Hill | Exponential):
+            assumed[name] = TemperatureDependent(form, factor, assumed=True)
     return assumed
 
 

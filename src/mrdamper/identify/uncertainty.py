@@ -33,8 +33,7 @@ def estimates_of(
     moving = [i for i, side in enumerate(sides) if not side]
     names = [problem.free[i].name for i in moving]
     count = len(problem.free)
-    design = np.full(count, np.nan)
-    error = np.full(count, np.nan)
+    design, error = np.full((2, count), np.nan)
     correlation = np.full((count, count), np.nan)
     if names:
         independent, blocks = covariances(runs, damper, names)

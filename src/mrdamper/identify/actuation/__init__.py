@@ -5,7 +5,7 @@ fitted before, to runs with constant command, and is not changed here.
 
 1. ``fit_actuation`` fits delay, rise, fall and second lag (``least_squares``). The data are step responses
    (``step_responses``) if the command is constant between steps, otherwise whole runs. The magnetic
-   hysteresis (``hysteresis``) is fitted afterwards.
+   hysteresis is fitted afterwards.
 2. ``refine_actuation`` adds core saturation, a second hysteresis loop and free-wheeling.
 
 In all modules of this package, the variable ``still`` is the damper without delay and lags.

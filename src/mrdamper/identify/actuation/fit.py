@@ -15,14 +15,14 @@ from operator import itemgetter
 
 import numpy as np
 
-from mrdamper.arrays import rms
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
-from mrdamper.identify.actuation.hysteresis import fit_hysteresis_at_levels, fit_hysteresis_over_runs
 from mrdamper.identify.actuation.least_squares import (
     LAGS,
     LaggedForces,
     ParameterFit,
+    fit_hysteresis_at_levels,
+    fit_hysteresis_over_runs,
     fit_lags,
     fit_lags_to_responses,
     fit_parameters,
@@ -85,10 +85,8 @@ def fit_actuation(
 ) -> tuple[Damper, ActuationFit]:
     """Fit delay and lags between command and force; return damper and fit.
 
-    The returned damper has the fitted delay and lags. The runs need a changing command.
-
-    Some laws have the coefficient ``follow_share``, the fraction of the force that follows the command
-    immediately. A pattern search then fits this fraction. The lags are fitted for each trial fraction.
+    If the law has the coefficient ``follow_share``, a pattern search fits this fraction. The lags are fitted
+    for each trial fraction.
 
     Parameters
     ----------
@@ -184,18 +182,9 @@ def refine_actuation(
         actuation=best.actuation,
         standard_errors=fit.standard_errors | best.standard_errors,
         t90_s=best.actuation.response_time(0.9),
-        rmse_N=_force_rmse_N(still, best.actuation, runs, settings),
+        rmse_N=LaggedForces(still, runs, settings.run_oversampling).rmse_N(best.actuation),
         driver_quadrants=1 if is_free_wheeling else fit.driver_quadrants,
     )
-
-
-def _force_rmse_N(
-    still: Damper, lags: Actuation, runs: Sequence[PreparedRun], settings: ActuationSettings
-) -> float:
-    """Return the RMS force error [N] of a damper with delay and lags ``lags`` over all scored samples."""
-    forces = LaggedForces(still, runs, settings.run_oversampling).forces_at_lags(lags)
-    scored = zip(runs, forces, strict=True)
-    return rms(np.concatenate([(force - run.force)[run.scored_from :] for run, force in scored]))
 
 
 def _fit_at_fixed_share(
@@ -227,6 +216,7 @@ def _fit_at_fixed_share(
         wider, wider_error = fit_hysteresis_over_runs(still, lags, changing, settings)
         if wider.hysteresis_width_A > width:
             lags, width_error = wider, wider_error
+    lagged = LaggedForces(still, runs, settings.run_oversampling)
     return ActuationFit(
         actuation=lags,
         standard_errors={**fit.standard_errors, "hysteresis_width_A": width_error},
@@ -235,8 +225,8 @@ def _fit_at_fixed_share(
         t63_error_s=times.up.error_s,
         t63_fall_error_s=times.down.error_s,
         t90_s=lags.response_time(0.9),
-        rmse_N=_force_rmse_N(still, lags, runs, settings),
-        unlagged_rmse_N=_force_rmse_N(still, Actuation(0.0, 0.0), runs, settings),
+        rmse_N=lagged.rmse_N(lags),
+        unlagged_rmse_N=lagged.rmse_N(Actuation(0.0, 0.0)),
         driver_quadrants=times.driver_quadrants,
     )
 
@@ -244,6 +234,7 @@ def _fit_at_fixed_share(
 def _runs_with_moved_force(
     still: Damper, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> list[PreparedRun]:
+    """Return the runs whose force depends on the change of the command; raise InputError if there is none."""
     moving, force_max_N = [], max(float(np.abs(run.force).max()) for run in runs)
     for run in runs:
         path = run.trajectory

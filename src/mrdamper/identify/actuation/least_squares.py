@@ -1,4 +1,10 @@
-"""Fit an actuation (delay and lags between command and force) to step responses or to whole runs."""
+"""Fit an actuation (delay, lags and magnetic hysteresis) to step responses or to whole runs.
+
+Magnetic hysteresis means that a falling command causes a larger force than an equal rising command. If the
+command is constant between steps, a linear regression of the force error yields the half width of the
+hysteresis loop. Otherwise the half width is fitted to the force of whole runs. In both cases, overshoot of
+the driver can hide hysteresis but never increases the estimate.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +27,7 @@ from mrdamper.identify.actuation.step_responses import (
     model_times,
 )
 from mrdamper.identify.settings import NUMERICS
-from mrdamper.models.actuation import Actuation
+from mrdamper.models.actuation import HYSTERESIS_WEIGHT, Actuation
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import open_drive, simulate
 from mrdamper.runtime.pool import Pool, thread_count
@@ -49,17 +55,12 @@ class LaggedForces:
     """
 
     def __init__(
-        self,
-        still: Damper,
-        runs: Sequence[PreparedRun],
-        oversampling: int,
-        residual: Residual | None = None,
+        self, still: Damper, runs: Sequence[PreparedRun], oversampling: int, residual: Residual | None = None
     ) -> None:
         self._still, self._oversampling, self._runs = still, oversampling, runs
         self._drives = [open_drive(run.trajectory) for run in runs]
-        self._sizes_N = [rms(run.force) * math.sqrt(len(run)) for run in runs]
         self.command_max = largest_command(runs)
-        self.residual = residual or self._error_of_runs
+        self.residual = residual or self._relative_errors
 
     def lag_commands(self, lags: Actuation) -> list[FloatArray]:
         """Return the effective command after the lags [A or V] for each run."""
@@ -80,11 +81,17 @@ class LaggedForces:
         """Return the force [N] of each run with the given delay and lags of the command."""
         return self.forces_at_commands(self.lag_commands(lags))
 
-    def _error_of_runs(self, forces: Sequence[FloatArray]) -> FloatArray:
-        scored = zip(self._runs, forces, self._sizes_N, strict=True)
-        return np.concatenate(
-            [((force - run.force) / size)[run.scored_from :] for run, force, size in scored]
-        )
+    def rmse_N(self, lags: Actuation) -> float:
+        """Return the RMS force error [N] over all scored samples with the given delay and lags."""
+        return rms(np.concatenate(self._scored_errors(self.forces_at_lags(lags))))
+
+    def _scored_errors(self, forces: Sequence[FloatArray]) -> list[FloatArray]:
+        return [(force - run.force)[run.scored_from :] for run, force in zip(self._runs, forces, strict=True)]
+
+    def _relative_errors(self, forces: Sequence[FloatArray]) -> FloatArray:
+        sizes_N = (rms(run.force) * math.sqrt(len(run)) for run in self._runs)
+        errors = zip(self._scored_errors(forces), sizes_N, strict=True)
+        return np.concatenate([error / size for error, size in errors])
 
 
 def largest_command(runs: Sequence[PreparedRun]) -> float:
@@ -189,8 +196,7 @@ def fit_lags(lagged: LaggedForces, start: Actuation | None, settings: ActuationS
     starts = [Actuation(lag_s, lag_s, 0.3 * lag_s, 0.1 * lag_s) for lag_s in settings.lag_start_s]
     if start is not None:
         starts = [Actuation(start.rise_s, start.fall_s, start.second_s, start.delay_s)]
-    pool = Pool(thread_count())
-    fits = pool.map(lambda first: fit_parameters(lagged, first, LAGS, settings), starts)
+    fits = Pool(thread_count()).map(lambda first: fit_parameters(lagged, first, LAGS, settings), starts)
     return min(fits, key=lambda fit: fit.cost)
 
 
@@ -240,3 +246,91 @@ def _lengthen(lag_s: float, by_s: float, settings: ActuationSettings) -> float:
         return lag_s
     lower_s, upper_s = max(0.3 * lag_s, settings.lag_min_s), min(3.0 * lag_s, settings.lag_max_s)
     return float(np.clip(lag_s + by_s, lower_s, upper_s))
+
+
+def fit_hysteresis_at_levels(
+    damper: Damper, runs: Sequence[PreparedRun], settings: ActuationSettings
+) -> tuple[float, float]:
+    """Fit the half width of the magnetic hysteresis to runs with stepped commands.
+
+    Return half width and standard error [A or V], or 0 and NaN if no run has enough settled samples after
+    rising and falling steps. Overshoot hides a part of the hysteresis in some runs. Therefore the run with
+    the largest lower confidence limit of the half width is the reference. Runs with a significantly smaller
+    half width than the reference are ignored. The other runs are averaged.
+    """
+    sums = [each for run in runs if (each := _regression_sums(damper, run, settings)) is not None]
+    if not sums:
+        return 0.0, float("nan")
+    widths, errors = np.array([_half_width(each) for each in sums]).T
+    surest = int(np.argmax(widths - settings.hysteresis_agreement * errors))
+    is_agreeing = widths[surest] - widths <= settings.hysteresis_agreement * np.hypot(errors[surest], errors)
+    width, error = _half_width(np.sum(np.array(sums)[is_agreeing], axis=0))
+    return max(width, 0.0), error
+
+
+def _half_width(sums: FloatArray) -> tuple[float, float]:
+    """Return half width and standard error [A or V] from ``_regression_sums``."""
+    effect_squares, products, error_squares, freedom = sums
+    half_width = products / effect_squares
+    residual = max(error_squares - half_width * products, 0.0)
+    return float(half_width), float(np.sqrt(residual / max(freedom - 1, 1) / effect_squares))
+
+
+def fit_hysteresis_over_runs(
+    still: Damper, lags: Actuation, runs: Sequence[PreparedRun], settings: ActuationSettings
+) -> tuple[Actuation, float]:
+    """Fit the half width of the magnetic hysteresis to whole runs.
+
+    Return ``lags`` with the fitted half width, and its standard error [A or V].
+    """
+    lagged = LaggedForces(still, runs, settings.run_oversampling)
+    start_A = np.clip(lags.hysteresis_width_A, 1e-3 * lagged.command_max, 0.5 * lagged.command_max)
+    start = replace(lags, hysteresis_width_A=float(start_A))
+    fit = fit_parameters(lagged, start, ("hysteresis_width_A",), settings)
+    return fit.actuation, fit.standard_errors["hysteresis_width_A"]
+
+
+def _regression_sums(damper: Damper, run: PreparedRun, settings: ActuationSettings) -> FloatArray | None:
+    """Return the sums of the linear regression that fits the half width to one run.
+
+    Return None if the run has too few settled samples. The *effect* is the derivative of the force with
+    respect to the half width, and zero for a command that was reached from below. The regression explains the
+    force error by the half width times the effect, plus one offset for each command value and direction of
+    motion. The result has the sums of squared effects, of effect times force error and of squared force
+    errors, and the number of samples minus the number of offsets.
+    """
+    path = run.trajectory
+    span = float(np.ptp(path.command))
+    if span == 0.0 or np.min(path.command) < 0.0:
+        return None
+    step = 0.01 * span
+    force = simulate(damper, path)
+    slope = (simulate(damper, replace(path, command=path.command + step)) - force) / step
+    # Rising and falling commands differ by two half widths. Only a part of the field has hysteresis.
+    slope *= 2.0 * HYSTERESIS_WEIGHT
+    last_change, since_s = _last_change(path.command, path.step)
+    settled = (since_s >= settings.settling_time_s) & (np.arange(len(force)) >= run.scored_from)
+    parts = []
+    for level in np.unique(np.round(path.command[settled], 6)):
+        for side in (-1.0, 1.0):
+            here = settled & (np.abs(path.command - level) < 1e-6 * max(span, 1.0))
+            here &= np.sign(path.velocity) == side
+            if here.any():  # Omit samples near reversals, because the law has larger errors there.
+                here &= side * slope > 0.9 * float(np.quantile(side * slope[here], 0.9))
+            counts = [np.count_nonzero(here & (last_change == sign)) for sign in (-1.0, 1.0)]
+            if min(counts) < settings.level_sample_count_min:
+                continue
+            error = (run.force - force)[here]
+            effect = np.where(last_change[here] < 0.0, slope[here], 0.0)
+            error, effect = error - error.mean(), effect - effect.mean()
+            parts.append((effect @ effect, effect @ error, error @ error, len(error) - 1))
+    total = np.sum(parts, axis=0) if parts else np.zeros(4)
+    return total if total[0] > 0.0 else None
+
+
+def _last_change(command: FloatArray, step_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return the sign of the last command change (0 before the first change), and the time since then [s]."""
+    change, samples = np.diff(command, prepend=command[0]), np.arange(len(command))
+    last = np.maximum.accumulate(np.where(change != 0.0, samples, -1))
+    sign = np.where(last >= 0, np.sign(change[np.maximum(last, 0)]), 0.0)
+    return sign, np.where(last >= 0, (samples - last) * step_s, np.inf)

@@ -75,11 +75,10 @@ def _candidates(problem: FitProblem, damper: Damper) -> list[tuple[Sine, Traject
             continue
         if rate**2 * amplitude > 1.1 * acceleration:
             continue
+        sine, duration = Sine(amplitude, frequency), SETTINGS.proposal_period_count / frequency
+        rate_Hz = SETTINGS.proposal_samples_per_period * frequency
         commands = np.unique(np.linspace(*envelope.command, SETTINGS.proposal_command_count)).tolist()
         for command, kelvin in product(commands, dict.fromkeys(limits or (None,))):
-            sine = Sine(amplitude, frequency)
-            duration = SETTINGS.proposal_period_count / frequency
-            rate_Hz = SETTINGS.proposal_samples_per_period * frequency
             path = drive(sine, duration=duration, rate_Hz=rate_Hz, command=command, temperature=kelvin)
             candidates.append((sine, path))
     return candidates

@@ -26,9 +26,7 @@ class ConfidenceSettings:
     correlations_max_count: int = 4  # max number of correlations that are reported with parameter names
     energy_error_max: float = 0.15  # relative error of the energy per cycle above which a run is reported
     batch_sample_count: int = 4096  # samples of the posterior that are tested at once
-    batch_count_max: int = (
-        500  # max number of batches; if fewer samples are accepted than requested, an error is raised
-    )
+    batch_count_max: int = 500  # An error is raised if this number of batches has too few valid samples.
 
     # Sines that are candidates for proposed tests
     proposal_amplitude_ratios: tuple[float, ...] = (1.0, 0.5, 0.2)  # amplitude divided by half the stroke

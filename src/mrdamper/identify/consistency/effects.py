@@ -133,19 +133,16 @@ def analyse_residuals(
     limited = damper.on_limits()
     fits = [one_window(run, len(runs), WINDOW_SETTINGS) for run in runs]
     names = tuple(free) if damper.law.kernel is not None else ()
-    tangents = Tangents(limited, names, [fit.drive for fit in fits]) if names else None
+    drives = [fit.drive for fit in fits]
+    if names:
+        tangents = map(Tangents(limited, names, drives).evaluate_run, range(len(fits)))
+        models = [(each.force, each.combine @ each.columns) for each in tangents]
+    else:
+        models = [(force, np.zeros((0, len(force)))) for force in simulate_each(limited, drives)]
     peak = max(float(np.abs(fit.force).max()) for fit in fits)
-    models = [] if tangents is not None else simulate_each(limited, [fit.drive for fit in fits])
     residuals = []
-    for number, fit in enumerate(fits):
+    for run, fit, (model, columns) in zip(runs, fits, models, strict=True):
         scored, step = slice(fit.start, None), fit.drive.trajectory.step
-        if tangents is None:
-            model, columns = models[number], np.zeros((0, len(fit.force)))
-        else:
-            tangent = tangents.evaluate_run(number)
-            model, columns = tangent.force, tangent.combine @ tangent.columns
-        if runs[number].name == suspect:
-            columns = np.zeros_like(columns)
         directions = {
             "force_gain": model,
             "force_delay": -np.gradient(model, step),
@@ -158,7 +155,7 @@ def analyse_residuals(
             RunResidual(
                 model[scored],
                 fit.force[scored] - model[scored],
-                columns[:, scored],
+                np.zeros_like(columns[:, scored]) if run.name == suspect else columns[:, scored],
                 {kind: values[scored] for kind, values in directions.items()},
                 fit.weight,
             )

@@ -13,16 +13,14 @@ from mrdamper.identify.consistency.settings import SETTINGS
 
 NAME_COUNT_MAX = 4  # max number of run names in one message
 
-Deviation = tuple[float, Finding]
-"""A pair: the explained fraction of the mean squared residual [-], and the finding that explains it."""
-
 
 def find_group_deviations(analysis: ResidualAnalysis) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
     """Return two tuples: findings about all runs together, and findings about groups of runs.
 
-    A cause is ignored if it explains much less than the best cause. If the forces of some runs are delayed,
-    the forces of all runs together also appear slightly late. Therefore, a delay of a group of runs and a
-    delay of all runs are not reported together, but only the better explanation.
+    A cause is ignored if it explains a much smaller fraction of the mean squared residual than the best
+    cause. If the forces of some runs are delayed, the forces of all runs together also appear slightly late.
+    Therefore, a delay of a group of runs and a delay of all runs are not reported together, but only the
+    better explanation.
     """
     common = list(_common_deviations(analysis))
     gains = [*_two_groups(analysis, "force_gain"), *_drift(analysis)]
@@ -37,7 +35,7 @@ def find_group_deviations(analysis: ResidualAnalysis) -> tuple[tuple[Finding, ..
     )
 
 
-def _common_deviations(analysis: ResidualAnalysis) -> Iterator[Deviation]:
+def _common_deviations(analysis: ResidualAnalysis) -> Iterator[tuple[float, Finding]]:
     """Generate the finding that the force of all runs is delayed or filtered.
 
     At a single frequency, a delay and a filter have nearly the same effect. Therefore a filter has to explain
@@ -67,7 +65,7 @@ def _common_deviations(analysis: ResidualAnalysis) -> Iterator[Deviation]:
     yield effect.fraction, finding.add_interval(effect.standard_error)
 
 
-def _two_groups(analysis: ResidualAnalysis, kind: str) -> Iterator[Deviation]:
+def _two_groups(analysis: ResidualAnalysis, kind: str) -> Iterator[tuple[float, Finding]]:
     """Generate the finding that the runs form two groups with clearly different gains or delays.
 
     The finding describes the smaller group. Runs are ignored if the standard error of their gain or delay is
@@ -84,9 +82,8 @@ def _two_groups(analysis: ResidualAnalysis, kind: str) -> Iterator[Deviation]:
     low, high = sizes[:cut], sizes[cut:]
     scatter = rms(np.concatenate([low - low.mean(), high - high.mean()]))
     smallest = SETTINGS.group_delay_min_s if kind == "force_delay" else SETTINGS.gain_difference_min
-    if min(len(low), len(high)) < SETTINGS.peer_count_min:
-        return
-    if float(high.mean() - low.mean()) < max(smallest, SETTINGS.group_scatter_ratio_min * scatter):
+    difference_min = max(smallest, SETTINGS.group_scatter_ratio_min * scatter)
+    if min(len(low), len(high)) < SETTINGS.peer_count_min or high.mean() - low.mean() < difference_min:
         return
     group = order[:cut] if len(low) < len(high) else order[cut:]
     effect = analysis.common_effect(kind, np.isin(np.arange(len(values)), group).astype(np.float64))
@@ -120,7 +117,7 @@ def _two_groups(analysis: ResidualAnalysis, kind: str) -> Iterator[Deviation]:
     yield effect.fraction, finding.add_interval(scatter * float(np.sqrt(1.0 / len(low) + 1.0 / len(high))))
 
 
-def _drift(analysis: ResidualAnalysis) -> Iterator[Deviation]:
+def _drift(analysis: ResidualAnalysis) -> Iterator[tuple[float, Finding]]:
     """Generate the finding that the force increases or decreases from the first run to the last run."""
     count = len(analysis.runs)
     effect = analysis.common_effect("force_gain", _ramp(analysis))

@@ -1,8 +1,4 @@
-"""Fit one model to all runs of a campaign and test the consistency of the runs, for ``check --deep``.
-
-The parameter search of ``identify.fit`` is used. Uncertainty, proposed tests and cross-validation are
-omitted.
-"""
+"""Fit one model to all runs of a campaign and test the consistency of the runs, for ``check --deep``."""
 
 from __future__ import annotations
 

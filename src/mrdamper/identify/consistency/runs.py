@@ -86,17 +86,6 @@ CAUSES: Mapping[str, Cause] = MappingProxyType(
 )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Deviation:
-    """Deviation of one run from comparable runs if it has a single cause."""
-
-    kind: str  # name of the cause, a key of ``CAUSES``
-    size: float  # difference from comparable runs [unit of the cause]
-    standard_error: float  # [unit of the cause]
-    ratio: float  # deviation divided by its threshold; 1 or more is reported
-    strength: float  # deviation divided by the typical residual, times the weight of the cause
-
-
 def find_deviations(
     damper: Damper,
     runs: Sequence[PreparedRun],
@@ -125,11 +114,8 @@ def find_deviations(
     if not is_confirmed:
         ratios[[run.name == suspect for run in steady]] = SETTINGS.unfitted_ratio_min
     deviations = _deviating_runs(analysis, ratios, suspect)
-    exchanged = dict(_exchanged_labels(analysis, deviations))
-    return common + tuple(
-        exchanged.get(number) or _run_finding(steady[number], deviation)
-        for number, deviation in deviations.items()
-    )
+    deviations |= dict(_exchanged_labels(analysis, deviations))
+    return (*common, *deviations.values())
 
 
 def find_suspects(
@@ -163,8 +149,8 @@ def _steady_runs(runs: Sequence[PreparedRun]) -> list[PreparedRun]:
     return [run for run in runs if run.run.constant_command is not None]
 
 
-def _deviating_runs(analysis: ResidualAnalysis, ratios_min: FloatArray, suspect: str) -> dict[int, Deviation]:
-    """Return the deviation and the simplest sufficient cause of each deviating run, worst run first.
+def _deviating_runs(analysis: ResidualAnalysis, ratios_min: FloatArray, suspect: str) -> dict[int, Finding]:
+    """Return index and simplest sufficient cause of each deviating run, worst run first.
 
     ``ratios_min``, shape (runs,), multiplies the thresholds of each run. A run with a large deviation
     distorts the fit. Therefore runs with a much smaller deviation than the worst run are ignored.
@@ -172,15 +158,17 @@ def _deviating_runs(analysis: ResidualAnalysis, ratios_min: FloatArray, suspect:
     runs = analysis.runs
     is_compared = np.array([run.name != suspect for run in runs])
     typical = _typical_levels(analysis)
-    peers, level_numbers = _peer_columns(runs), _command_levels(runs)
-    deviations: dict[int, Deviation] = {}
+    peers, levels = _peer_columns(runs), _command_levels(runs)
+    # Values: deviation / threshold, strength of the cause, and finding. The strength is the deviation divided
+    # by the typical residual, times the weight of the cause.
+    deviations: dict[int, tuple[float, float, Finding]] = {}
     for kind, cause in CAUSES.items():
         effects = analysis.run_effects(kind)
         sizes = np.array([effect.size for effect in effects])
         per_size = np.array([effect.level / (abs(effect.size) or 1.0) for effect in effects]) / typical
         amounts, scatter_of_all = _amounts(sizes, per_size, peers, is_compared)
         for number, amount in enumerate(amounts.tolist()):
-            same_command = is_compared & (level_numbers == level_numbers[number])
+            same_command = is_compared & (levels == levels[number])
             scatter = scatter_of_all
             if same_command.sum() >= SETTINGS.scatter_run_count_min:
                 # The model error depends on the command, so each command has its own scatter.
@@ -197,13 +185,12 @@ def _deviating_runs(analysis: ResidualAnalysis, ratios_min: FloatArray, suspect:
             if ratio < ratios_min[number]:
                 continue
             error = max(scatter / (float(per_size[number]) or 1.0), effects[number].standard_error)
-            deviation = Deviation(kind, size, error, ratio, cause.weight * abs(amount))
-            former = deviations.get(number)
-            if former is None or former.strength < SETTINGS.simple_cause_ratio_min * deviation.strength:
-                deviations[number] = deviation
-    worst = max((each.ratio for each in deviations.values()), default=0.0)
-    ordered = sorted(deviations.items(), key=lambda item: -item[1].ratio)
-    return {number: each for number, each in ordered if each.ratio > SETTINGS.worst_ratio_min * worst}
+            strength = cause.weight * abs(amount)
+            if number not in deviations or deviations[number][1] < SETTINGS.simple_cause_ratio_min * strength:
+                deviations[number] = ratio, strength, _run_finding(runs[number], kind, size, error)
+    ordered = sorted(deviations.items(), key=lambda item: -item[1][0])
+    ratio_min = SETTINGS.worst_ratio_min * max((ratio for ratio, _, _ in deviations.values()), default=0.0)
+    return {number: finding for number, (ratio, _, finding) in ordered if ratio > ratio_min}
 
 
 def _typical_levels(analysis: ResidualAnalysis) -> FloatArray:
@@ -290,8 +277,7 @@ def _command_levels(runs: Sequence[PreparedRun]) -> NDArray[np.intp]:
     return level_numbers(commands, SETTINGS.command_tolerance_ratio * (float(np.ptp(commands)) or 1.0))
 
 
-def _run_finding(run: PreparedRun, deviation: Deviation) -> Finding:
-    kind, size = deviation.kind, deviation.size
+def _run_finding(run: PreparedRun, kind: str, size: float, standard_error: float) -> Finding:
     cause, unit = CAUSES[kind], run.run.command_unit
     value = 1.0 + size if kind == "force_gain" else size
     return Finding(
@@ -303,7 +289,7 @@ def _run_finding(run: PreparedRun, deviation: Deviation) -> Finding:
         found=cause.words.format(size=1e3 * size if kind == "force_delay" else value, unit=unit),
         effect=cause.effect,
         remedy=f"{cause.remedy}; until then, exclude the run",
-    ).add_interval(deviation.standard_error)
+    ).add_interval(standard_error)
 
 
 def _exchanged_labels(
@@ -319,7 +305,7 @@ def _exchanged_labels(
         ratios = np.array([shifts_A[a], -shifts_A[b]]) / difference
         if SETTINGS.exchange_ratio_min < ratios.min() and ratios.max() < SETTINGS.exchange_ratio_max:
             error = abs(difference) * float(np.ptp(ratios))
-            finding = _run_finding(runs[a], Deviation("command_label", difference, error, 1.0, 1.0))
+            finding = _run_finding(runs[a], "command_label", difference, error)
             found = (
                 f"its force belongs to the command of {runs[b].name}, and the force of that run to this "
                 "command: the two commands are probably exchanged"
