@@ -109,7 +109,7 @@ def _channel_of(table: Table, chosen: ChannelMap, path: Path) -> _ChannelFile:
     Raise ValueError if there is not exactly one channel, IndexError if its role is unknown, InputError if it
     has no times.
     """
-    headers = [header_of(table, name, path.name) for name in table.columns]
+    headers = [header_of(table, name) for name in table.columns]
     times = [each for each in headers if "time" in each.of_unit]
     (channel,) = [each for each in headers if each not in times and not is_counter(table.columns[each.name])]
     if times:

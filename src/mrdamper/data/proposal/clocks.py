@@ -129,46 +129,35 @@ def _findings_of_common_time(
     Raise InputError if the channels have no common time. Raise AskingError if the common time is short and
     the channels belong to one recording.
     """
-    listed_spans = ", ".join(f"{role} {begin:.4g} s to {end:.4g} s" for role, (begin, end) in spans.items())
-    whole_s = max(end - begin for role, (begin, end) in spans.items() if role in MEASURED)
+    listed = ", ".join(f"{role} {begin:.4g} s to {end:.4g} s" for role, (begin, end) in spans.items())
+    measured = [span for role, span in spans.items() if role in MEASURED]
+    whole_s = max(end - begin for begin, end in measured)
     if common_s <= slack_s:
         raise InputError(
             place=place,
-            found=f"the channels have no time in common ({listed_spans})",
+            found=f"the channels have no time in common ({listed})",
             remedy="Correct the start times in the file, or export one recording by itself",
         )
     used = f"{common_s:.4g} s of {whole_s:.4g} s"
     is_short = common_s < 0.9 * whole_s  # The user must confirm a shorter common time of one recording.
     if is_short and not (table.recorded_apart or chosen.file.common_time):
-        raise ask(
-            "time",
-            "part",
-            place,
-            found=f"the channels have only {used} in common ({listed_spans})",
-            expected="clocks that cover the same time",
-            remedy="To use the common part, answer time.part=common, or put common_time = true at [file] of "
-            "the channel map",
-            candidates=("common",),
-        )
-    earliest = min((role for role in spans if role in MEASURED), key=lambda role: spans[role])
-    latest = max(spans, key=lambda role: spans[role])
-    late_s = spans[latest][0] - spans[earliest][0]
-    is_apart = table.recorded_apart and late_s > slack_s
+        found = f"the channels have only {used} in common ({listed})"
+        raise ask("time", "part", place, found, ("common",))
+    late_s = max(begin for begin, _ in spans.values()) - min(begin for begin, _ in measured)
     # If the channels leave at most 1 % of the recording unused, nothing is reported.
-    if not is_apart and whole_s - common_s <= 0.01 * whole_s:
+    if whole_s - common_s <= 0.01 * whole_s and not (table.recorded_apart and late_s > slack_s):
         return ()
-    begin = f"{latest} begins {late_s:.4g} s after {earliest}: " if late_s > slack_s else ""
-    found = Finding(
+    finding = Finding(
         kind="common_time",
         severity="warning" if is_short else "note",
         channel="time",
         size=whole_s - common_s,
         unit="s",
-        found=f"{begin}the {used} that all channels have in common are used",
+        found=f"the {used} that all channels have in common are used ({listed})",
         effect="The rest of the longer channels is not used",
         remedy="Nothing, if the start times in the file are right",
     )
-    return (found,)
+    return (finding,)
 
 
 def with_clocks(table: Table) -> Table:
@@ -252,23 +241,16 @@ def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
     step, rates = stated_step(table, chosen, place)
     if step is None:
         require_no_text("time", table, place)
-        meant = meant_without_unit("time", [header_of(table, name, place) for name in table.columns])
+        meant = meant_without_unit("time", [header_of(table, name) for name in table.columns])
         if meant is not None and increases(table, meant.name):
             raise no_unit("time", place, meant.name)
         candidates = [f"{rate:g}" for rate in rates]
-        raise ask(
-            "time",
-            "rate",
-            place,
-            found=f"no time column, and the stated sampling rates differ: {' Hz, '.join(candidates)} Hz"
+        found = (
+            f"no time column, and the stated sampling rates differ: {' Hz, '.join(candidates)} Hz"
             if len(rates) > 1
-            else f"no time column; the columns are: {column_list(table.names)}",
-            expected=(
-                "a header such as time_s, [channel.time] in a channel map (--channels FILE), or rate_Hz at "
-                "its [constant]"
-            ),
-            candidates=candidates,
+            else f"no time column; the columns are: {column_list(table.names)}"
         )
+        raise ask("time", "rate", place, found, candidates)
     return step
 
 
@@ -345,15 +327,8 @@ def require_one_rate(column: Column, table: Table, place: str) -> None:
         return
     wrong = ticks * float(to_si(1.0, column.unit, "time"))
     if any(_is_near(wrong, factor) for factor in (1e3, 1e-3, 1e6, 1e-6)):
-        raise ask(
-            "time",
-            "unit",
-            place,
-            found=f"column {column.name!r} is in {column.unit}, but the sampling rate above it contradicts",
-            expected="a unit that agrees with the sampling rate",
-            remedy="Give unit at [channel.time], or rate_Hz at [constant] of the channel map",
-            candidates=list(_TICKS),
-        )
+        found = f"column {column.name!r} is in {column.unit}, but the sampling rate above it contradicts"
+        raise no_unit("time", place, column.name, found)
 
 
 def _ticks_per_second(name: str, table: Table) -> float | None:

@@ -19,7 +19,6 @@ from mrdamper.data.words.headers import (
 )
 from mrdamper.data.words.labels import rates_in, scales_in
 from mrdamper.data.words.signs import signs_in
-from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit, spell_unit, to_si
 
 
@@ -54,40 +53,38 @@ class Header:
     of_word: str  # Role that the word names exactly, "" if the word is not the name of a role.
 
 
-def header_of(table: Table, name: str, place: str) -> Header:
-    """Return the parsed header of a column. A missing unit is replaced by the unit stated in the file."""
+def header_of(table: Table, name: str) -> Header:
+    """Return the parsed header of a column. A missing unit is replaced by the unit stated in the file.
+
+    Text in brackets that is not a unit, as in ``Force (Trigger)``, is ignored.
+    """
     exact = parse_header(name)
     word, unit = word_and_unit(name)
     if exact is not None and unit and exact[1] != unit:  # "Travel_WA100 [mm]": WA100 is no unit.
         exact = (exact[0], unit) if exact[0] in roles_of_unit(unit) else None
-    if exact is not None:
-        unit = _unit(table, name, exact, place)
     stated = table.units.get(name, "")
+    if exact is not None:
+        unit = exact[1] if is_unit(exact[1]) or not is_unit(stated) else stated
     unit = unit or (stated if roles_of_unit(stated) else "")
     named = exact or parse_header(word)
     return Header(name, word, unit, roles_of_unit(unit), named[0] if named is not None else "")
 
 
-def _unit(table: Table, name: str, header: tuple[str, str], place: str) -> str:
-    """Return the unit of a column. Raise InputError if header and file state different units.
-
-    Text in brackets that is not a unit, as in ``Force (Trigger)``, is ignored.
-    """
-    role, of_header = header
-    stated = table.units.get(name, "")
-    units = [word for word in (of_header, stated) if is_unit(word)]
-    if len(units) == 2 and spell_unit(stated, role) != spell_unit(of_header, role):
-        found = f"column {name!r} has another unit, {stated!r}, next to its name"
-        raise InputError(place=place, found=found, remedy="Correct the file")
-    return units[0] if units else of_header
+def other_unit(table: Table, column: Column) -> str:
+    """Return the unit that the file or a document states next to the unit of a column, "" if equal."""
+    stated = table.other_units.get(column.name) or table.units.get(column.name, "")
+    if not (is_unit(stated) and is_unit(column.unit)):
+        return ""
+    units = [spell_unit(unit, column.role) for unit in (stated, column.unit)]
+    return stated if units[0] != units[1] else ""
 
 
-def headers_of(table: Table, place: str) -> list[Header]:
+def headers_of(table: Table) -> list[Header]:
     """Return the headers of columns that may be samples.
 
     Times of day are omitted. Statistics are omitted if a role has several, such as a minimum and a maximum.
     """
-    headers = [header_of(table, name, place) for name in table.columns if name not in table.stamps]
+    headers = [header_of(table, name) for name in table.columns if name not in table.stamps]
     results = [each for each in headers if has_word(each.word, "statistic")]
     roles = [(*each.of_unit, each.of_word) for each in results]
     return [each for each in headers if each not in results or roles.count((*each.of_unit, each.of_word)) < 2]
@@ -107,7 +104,7 @@ def explained(table: Table, notes: Sequence[str]) -> Table:
         table = replace(table, names=tuple(numbered[k] for k in names), columns=columns)
     units: dict[str, str] = {}
     other_units: dict[str, str] = {}
-    headers = [header_of(table, name, "") for name in table.columns]
+    headers = [header_of(table, name) for name in table.columns]
     for header in headers:
         own = [unit for _, word, unit in legend if _means_same(word, header)]
         if not header.unit and len({*own}) == 1 and header.of_word in {"", *roles_of_unit(own[0])}:

@@ -24,7 +24,7 @@ from mrdamper.data.records import command_slack, steady_command
 from mrdamper.data.words.headers import word_and_unit
 from mrdamper.data.words.labels import Place, find_label
 from mrdamper.errors import InputError
-from mrdamper.quantities import QUANTITIES, CommandUnit
+from mrdamper.quantities import CommandUnit
 
 COMMAND_UNITS: dict[str, CommandUnit] = dict(zip(("current", "voltage"), get_args(CommandUnit), strict=True))
 
@@ -83,19 +83,13 @@ def command_of(
 
 def _require_no_varying_column(role: str, value: float, table: Table, place: str) -> None:
     """Raise AskingError if the command is stated as constant, but a column named as a current varies."""
-    for name in varying_commands(table, place):
+    for name in varying_commands(table):
         low, high = np.nanquantile(table.columns[name], (0.0, 1.0)).tolist()
-        unit = "" if table.units.get(name) else f" and current.unit={QUANTITIES['current'].units[0]}"
-        raise ask(
-            "current",
-            "column",
-            place,
-            found=f"the {role} is stated as {value:g} {COMMAND_UNITS[role]} throughout, and column {name!r} "
-            f"varies from {low:.4g} to {high:.4g}",
-            expected="one command",
-            remedy=f"Use the column, answer current.column={name}{unit}, or remove it from the file",
-            candidates=[name],
+        found = (
+            f"the {role} is stated as {value:g} {COMMAND_UNITS[role]} throughout, and column {name!r} varies "
+            f"from {low:.4g} to {high:.4g}: answer current.column={name}, or remove it from the file"
         )
+        raise ask("current", "column", place, found, [name])
 
 
 def _require_agreement(

@@ -20,6 +20,19 @@ from mrdamper.quantities import QUANTITIES, to_si
 from mrdamper.schema import unknown_name
 
 Topic = Literal["unit", "rate", "column", "scale", "value", "part"]
+_EXPECTED: Mapping[Topic, str] = {
+    "unit": "one in the header (such as {role}_{unit}), or `unit` at [channel.{role}] in a channel map "
+    "(--channels FILE): {units}",
+    "column": "one column with a header such as {role}_{unit}, or [channel.{role}] in a channel map "
+    "(--channels FILE)",
+    "scale": "a line such as 'scale: 10 {unit}/V' above the table, or `gain` and `unit` ('V' or '%') at "
+    "[channel.{role}] in a channel map (--channels FILE)",
+    "value": "a column such as {role}_{unit}, or {role}_{unit} at [constant] in a channel map "
+    "(--channels FILE)",
+    "rate": "a column such as time_s, or rate_Hz at [constant] in a channel map (--channels FILE)",
+    "part": "clocks that cover the same time, the answer time.part=common, or common_time = true at [file] "
+    "in a channel map (--channels FILE)",
+}
 _ANSWER = re.compile(r"(?:(?P<files>[^=]+):)?(?P<role>[a-z]+)\.(?P<topic>[a-z]+)=(?P<value>.+)", re.DOTALL)
 _SCALED = re.compile(
     r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s/]*)\s*(?:/\s*(m?V|(?:100\s*)?%))?\s*"
@@ -65,20 +78,12 @@ class NoRunError(AskingError):
     """Error for a file without damper samples, such as results or the data of a different instrument."""
 
 
-def ask(
-    role: str,
-    topic: Topic,
-    place: str,
-    *,
-    found: str,
-    expected: str = "",
-    remedy: str = "",
-    candidates: Sequence[str] = (),
-) -> AskingError:
+def ask(role: str, topic: Topic, place: str, found: str, candidates: Sequence[str] = ()) -> AskingError:
     """Return an AskingError with one question about a role in the file ``place``."""
-    text = found + (f"; expected {expected}" if expected else "")
-    question = Question(role, topic, place, text, tuple(candidates))
-    return AskingError(place=place, found=found, expected=expected, remedy=remedy, questions=(question,))
+    quantity = QUANTITIES[role]
+    expected = _EXPECTED[topic].format(role=role, unit=quantity.unit, units=", ".join(quantity.units))
+    question = Question(role, topic, place, f"{found}; expected {expected}", tuple(candidates))
+    return AskingError(place=place, found=found, expected=expected, questions=(question,))
 
 
 def ask_all(faults: Sequence[InputError]) -> InputError:

@@ -169,7 +169,7 @@ def _may_be_run(table: Table, *, is_foreign: bool) -> bool:
         table.rows < LEAST_SAMPLES or is_sweep or all(increases(table, name) for name in motions)
     ):
         return False
-    samples = headers_of(table, "")
+    samples = headers_of(table)
     # The motion may be in a column without a unit or with the unit V.
     is_unclear = any(not unit_in_brackets(each.name) or "voltage" in each.of_unit for each in samples)
     has_force = bool(candidates("force", [each.name for each in samples]))

@@ -12,7 +12,7 @@ from mrdamper.data.channels import COMMANDS
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import SKIPPED, Table
 from mrdamper.data.proposal.column import Header, header_of, meant_without_unit
-from mrdamper.data.proposal.questions import ask
+from mrdamper.data.proposal.questions import Topic, ask
 from mrdamper.data.words.headers import (
     begins_with_symbol,
     candidates,
@@ -31,64 +31,26 @@ def no_column(role: str, table: Table, place: str) -> InputError:
     """Return the error that requests the column of a role."""
     require_no_text(role, table, place)
     names = candidates(role, [*table.columns])
-    bare = meant_without_unit(role, [header_of(table, name, place) for name in table.columns])
+    bare = meant_without_unit(role, [header_of(table, name) for name in table.columns])
     scale = [name for name in table.columns if "voltage" in roles_of_unit(word_and_unit(name)[1])]
     skipped = "".join(f"; {note}" for note in table.layout.notes if note.startswith(SKIPPED))
-    return ask(
-        role,
-        "unit" if bare is not None else "scale" if not names and scale else "column",
-        place,
-        found=f"no {role} column; the columns are: {column_list(table.names)}{skipped}",
-        expected=(
-            f"a header such as {role}_{QUANTITIES[role].unit}, or [channel.{role}] in a channel map "
-            "(--channels FILE)"
-        ),
-        candidates=QUANTITIES[role].units if bare is not None else names or scale or list(table.columns),
-    )
+    topic: Topic = "unit" if bare is not None else "scale" if not names and scale else "column"
+    found = f"no {role} column; the columns are: {column_list(table.names)}{skipped}"
+    choices = QUANTITIES[role].units if bare is not None else names or scale or list(table.columns)
+    return ask(role, topic, place, found, choices)
 
 
 def no_unit(role: str, place: str, name: str, found: str = "") -> InputError:
     """Return the error that requests the unit of a column. ``found`` is the fault, "": no unit."""
-    choices = QUANTITIES[role].units
-    return ask(
-        role,
-        "unit",
-        place,
-        found=found or f"{role} has no unit",
-        expected=(
-            f"one in the header (such as {role}_{QUANTITIES[role].unit}) of column {name!r}, or `unit` at "
-            f"[channel.{role}] in a channel map (--channels FILE): {', '.join(choices)}"
-        ),
-        candidates=choices,
-    )
+    return ask(role, "unit", place, found or f"{role} has no unit (column {name!r})", QUANTITIES[role].units)
 
 
 def no_scale(role: str, names: Sequence[str], place: str, stated: Sequence[str] = ()) -> InputError:
     """Return the error that requests the scale of a sensor per volt. ``stated`` are the stated scales."""
     columns = ", ".join(map(repr, names))
     state = f"is stated several times: {', '.join(map(repr, stated))}" if len(stated) > 1 else "is missing"
-    return ask(
-        role,
-        "scale",
-        place,
-        found=f"{role} is in volts ({columns}) and the scale in {QUANTITIES[role].unit} per volt {state}",
-        expected=f"a line such as 'scale: 10 {QUANTITIES[role].units[-1]}/V' above the table, or `gain`",
-        remedy=f"Give gain and unit = 'V' at [channel.{role}] in the channel map",
-        candidates=names,
-    )
-
-
-def no_full_scale(names: Sequence[str], place: str) -> InputError:
-    """Return the error that requests the current at 100 % of a command in per cent."""
-    return ask(
-        "current",
-        "scale",
-        place,
-        found=f"{' and '.join(map(repr, names))} is a command in per cent of an unknown current",
-        expected="the current at 100 %, such as 2 A/100%",
-        remedy=("Give name, unit = '%' and gain, a hundredth of it, at [channel.current] in the channel map"),
-        candidates=names,
-    )
+    found = f"{role} is in volts ({columns}) and the scale in {QUANTITIES[role].unit} per volt {state}"
+    return ask(role, "scale", place, found, names)
 
 
 def no_command(
@@ -110,28 +72,23 @@ def no_command(
         return no_scale("current", monitors, place)
     shares = command_shares(table)
     if shares and not volts and not values:
-        return no_full_scale(shares, place)
-    headers = [header_of(table, name, place) for name in table.columns if name not in table.stamps]
+        found = f"{' and '.join(map(repr, shares))} is a command in per cent of an unknown current"
+        return ask("current", "scale", place, f"{found} (answer such as 2 A/100%)", shares)
+    headers = [header_of(table, name) for name in table.columns if name not in table.stamps]
     unclear = [] if values else [each.name for each in headers if _may_be_command(each)]
     bare = None if volts or len(unclear) > 1 else meant_without_unit("current", headers)
     listed_columns = f"; {' or '.join(map(repr, unclear))} may hold it" if unclear else ""
     columns = [*volts, *(name for name in unclear if name not in volts)]
-    return ask(
-        "current",
-        "unit" if bare is not None and not values else "column" if columns and not values else "value",
-        place,
-        found=found + listed_columns,
-        expected=(
-            "a column such as current_A or voltage_V, or the same at [constant] in a channel map "
-            "(--channels FILE)"
-        ),
-        candidates=values or (QUANTITIES["current"].units if bare is not None else columns),
+    topic: Topic = (
+        "unit" if bare is not None and not values else "column" if columns and not values else "value"
     )
+    choices = values or (QUANTITIES["current"].units if bare is not None else columns)
+    return ask("current", topic, place, found + listed_columns, choices)
 
 
-def varying_commands(table: Table, place: str) -> list[str]:
+def varying_commands(table: Table) -> list[str]:
     """Return the columns that may be a current, by name or unit, and change."""
-    headers = [header_of(table, name, place) for name in table.columns if name not in table.stamps]
+    headers = [header_of(table, name) for name in table.columns if name not in table.stamps]
     return [
         each.name
         for each in headers
@@ -156,11 +113,9 @@ def _names_current(header: Header) -> bool:
 
 def _level_changes(values: FloatArray) -> bool:
     """Return True if the medians of parts of a column differ by more than 20 % of its largest value."""
-    finite = values[np.isfinite(values)]
-    if len(finite) < SETTINGS.level_part_count:
-        return False
-    levels = [float(np.median(part)) for part in np.array_split(finite, SETTINGS.level_part_count)]
-    return max(levels) - min(levels) > 0.2 * float(np.abs(finite).max())
+    parts = np.array_split(values[np.isfinite(values)], SETTINGS.level_part_count)
+    levels = [float(np.median(part)) for part in parts if len(part)]
+    return bool(levels) and np.ptp(levels) > 0.2 * float(np.nanmax(np.abs(values)))
 
 
 def command_shares(table: Table) -> list[str]:

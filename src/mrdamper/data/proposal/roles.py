@@ -26,7 +26,14 @@ from mrdamper.data.proposal.clocks import (
     unit_by_magnitude,
     unit_by_rate,
 )
-from mrdamper.data.proposal.column import Column, Header, header_of, headers_of, meant_without_unit
+from mrdamper.data.proposal.column import (
+    Column,
+    Header,
+    header_of,
+    headers_of,
+    meant_without_unit,
+    other_unit,
+)
 from mrdamper.data.proposal.questions import ask, ask_all
 from mrdamper.data.proposal.refusals import column_list, command_shares, no_column, no_scale, no_unit
 from mrdamper.data.words.headers import (
@@ -50,7 +57,7 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
 
     Raise AskingError if a required role has no column, several columns, or no column with a unit.
     """
-    headers = headers_of(table, place)
+    headers = headers_of(table)
     columns: list[Column] = []
     faults: list[InputError] = []
     known: set[str] = set()  # Roles that have a column or a question.
@@ -68,9 +75,9 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
                 column = _select_one(role, [replace(column, name=name) for name in names], place)
             if column is not None and column.name in table.scales and chosen.channel(role).gain is None:
                 raise _unclear_factor(column, table.scales[column.name], place)
-            if column is not None and column.name in table.other_units and not chosen.channel(role).unit:
-                other = f"{column.unit}, but a document states {table.other_units[column.name]}"
-                raise no_unit(role, place, column.name, f"column {column.name!r} is in {other}")
+            if column is not None and not chosen.channel(role).unit and (other := other_unit(table, column)):
+                found = f"column {column.name!r} is in {column.unit}, but a document states {other}"
+                raise no_unit(role, place, column.name, found)
         except InputError as fault:
             faults.append(fault)
             known.add(role)
@@ -90,19 +97,16 @@ def _unclear_factor(column: Column, factor: float, place: str) -> InputError:
     """Return the error for a column that may or may not include a stated factor."""
     unit = column.unit or QUANTITIES[column.role].unit
     applied, raw = f"1 {unit}", f"{factor:g} {unit}"
-    return ask(
-        column.role,
-        "scale",
-        place,
-        found=f"the factor {factor:g} of {column.name!r} above the table may have been applied to the column",
-        expected=f"--answer '{column.role}.scale={applied}' if it was, '{column.role}.scale={raw}' if not",
-        candidates=[applied, raw],
+    found = (
+        f"the factor {factor:g} of {column.name!r} above the table may have been applied to the column: "
+        f"answer {column.role}.scale={applied} if it was, {column.role}.scale={raw} if not"
     )
+    return ask(column.role, "scale", place, found, (applied, raw))
 
 
 def _time_of_clock(table: Table, name: str, chosen: ChannelMap, place: str) -> Column:
     """Return the time column of a clock. The user may have to state its unit."""
-    unit = chosen.channel("time").unit or header_of(table, name, place).unit
+    unit = chosen.channel("time").unit or header_of(table, name).unit
     if not unit:
         raise no_unit("time", place, name)
     return Column("time", name, unit, "clock")
@@ -275,7 +279,7 @@ def skipped_columns(table: Table, columns: Sequence[Column], chosen: ChannelMap,
     """Return the columns of unknown unit that may belong to a role without a column."""
     taken = {column.name for column in columns}
     roles = {*QUANTITIES} - {column.role for column in columns} - chosen.constant.keys()
-    headers = [header_of(table, name, place) for name in table.columns if name not in {*taken, *table.stamps}]
+    headers = [header_of(table, name) for name in table.columns if name not in {*taken, *table.stamps}]
     return [
         f"{each.name!r} ({role}, unknown unit)"
         for role in QUANTITIES
@@ -320,7 +324,5 @@ def _mentions(line: str, header: Header) -> bool:
 def _select_one(role: str, left: Sequence[Column], place: str) -> Column:
     if len(left) > 1:
         names = [column.name for column in left]
-        found = f"columns {', '.join(map(repr, names))} all hold {role}"
-        remedy = f"Name it at [channel.{role}] in the channel map"
-        raise ask(role, "column", place, found=found, expected="one", remedy=remedy, candidates=names)
+        raise ask(role, "column", place, f"columns {', '.join(map(repr, names))} all hold {role}", names)
     return left[0]

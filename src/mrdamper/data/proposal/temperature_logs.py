@@ -104,7 +104,7 @@ def _read_log(path: Path, chosen: ChannelMap) -> _Log | None:
     """
     try:
         table = read_tables(path, chosen.file)[0]
-        headers = headers_of(table, path.name)
+        headers = headers_of(table)
     except InputError:
         return None
     roles = {role for each in headers for role in (*each.of_unit, each.of_word)}
