@@ -14,7 +14,7 @@ import numpy as np
 
 from mrdamper.data.channels import Channel, ChannelMap, Segments
 from mrdamper.data.finding import Inference
-from mrdamper.data.proposal.recordings import ONE_FOR_EACH, RigFile
+from mrdamper.data.proposal.recordings import RigFile
 from mrdamper.data.readers import ReadFiles
 from mrdamper.errors import InputError
 from mrdamper.files import parse_toml, toml_text
@@ -94,7 +94,7 @@ def _file_constants(path: Path, file: RigFile) -> list[Inference]:
 def _entry(file: RigFile, role: str) -> tuple[tuple[str, Any], ...] | None:
     """Return the TOML table of a quantity (role); None if the file lacks the quantity."""
     column = next((each for each in file.columns if each.role == role), None)
-    if column is None or column.source == ONE_FOR_EACH:
+    if column is None:
         return None
     given, usual = column.channel(file.chosen), Channel(role)
     entry = (("name", column.name), ("unit", column.unit))

@@ -41,7 +41,6 @@ class ReadingSettings:
     clock_tolerance_steps: float = 0.01  # Clocks that differ by less than this fraction of a step are equal.
     unix_time_min_s: float = 1e9  # Times between these two limits are seconds since 1970.
     unix_time_max_s: float = 2.2e9  # Larger times are counted from a different day, as in Excel.
-    time_zone_ambiguity_max_K: float = 1.0  # max temperature difference of a run between possible time zones
 
     # Shape of a column
     swing_ratio_min: float = 0.2  # min change of the signal after a reversal / range of the signal

@@ -7,7 +7,6 @@ folders with results of this program.
 from __future__ import annotations
 
 import bz2
-import errno
 import glob
 import gzip
 import lzma
@@ -55,10 +54,10 @@ _DAMAGES = (
 )
 
 
-def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Path]:
+def find_files(paths: Sequence[PathLike], space: Path) -> list[Path]:
     """Return the files named by paths, folders and patterns, in the given order.
 
-    Archives are unpacked into the folder ``space`` if it is given. There, the subfolders have the names of
+    Archives are unpacked into the folder ``space``. There, the subfolders have the names of
     the last two folders in the archive's path. Documents next to an archive in a searched folder are copied
     to these subfolders. A file that is given twice (relative and absolute path) is returned once.
     """
@@ -81,11 +80,9 @@ def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Pat
             if not inside:
                 raise InputError(place=given, found="the pattern matches no file")
         else:
-            raise InputError(place=path, found=_why_absent(path))
+            raise InputError(place=path, found="no such file or folder, or no permission to read it")
         for file in inside:
             files.setdefault(file.resolve(), file)
-    if space is None:
-        return list(files.values())
     found: list[Path] = []
     folders: dict[Path, None] = {}  # Folders in which an archive was found.
     for file in files.values():
@@ -109,9 +106,14 @@ def _unpack(file: Path, space: Path) -> list[Path]:
     room = SETTINGS.archive_unpacked_max_bytes
     try:
         for name, member in _members(file):
-            with member:
-                parts = [part for part in PurePosixPath(name).parts if part not in {"..", "/"}]
-                room -= _extract(member, folder.joinpath(*parts), file, room)
+            target = folder.joinpath(*(part for part in PurePosixPath(name).parts if part not in {"..", "/"}))
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with member, target.open("wb") as stream:
+                while piece := member.read(1 << 20):
+                    room -= stream.write(piece)
+                    if room < 0:
+                        found = f"unpacks to more than {SETTINGS.archive_unpacked_max_bytes >> 20} MB"
+                        raise InputError(place=file, found=found, remedy="Unpack it first")
     except _DAMAGES as error:
         found = "the archive is damaged, encrypted, or of an unknown kind"
         raise InputError(place=file, found=found, remedy="Unpack it first") from error
@@ -139,39 +141,18 @@ def is_small_file(path: Path) -> bool:
 
 def _members(file: Path) -> Iterator[tuple[str, IO[bytes]]]:
     """Generate (path that begins with the archive's name, open content) of each file in an archive."""
-    if zipfile.is_zipfile(file):
-        with zipfile.ZipFile(file) as archive:
-            names = [name for name in archive.namelist() if not name.endswith("/")]
-            yield from (
-                (f"{file.name}/{name}", archive.open(name))
-                for name in names
-                if not name.startswith("__MACOSX/")
-            )
-    elif tarfile.is_tarfile(file):
+    opened = next((each for start, each in _COMPRESSIONS.items() if _head(file).startswith(start)), None)
+    if tarfile.is_tarfile(file):
         with tarfile.open(file) as tape:
             yield from (
                 (f"{file.name}/{each.name}", content) for each in tape if (content := tape.extractfile(each))
             )
+    elif opened is not None:
+        yield file.stem, opened.open(file)
     else:
-        module = next(
-            (_COMPRESSIONS[start] for start in _COMPRESSIONS if _head(file).startswith(start)), None
-        )
-        if module is None:
-            raise zipfile.BadZipFile
-        yield file.stem, module.open(file)
-
-
-def _extract(member: IO[bytes], target: Path, archive: Path, room: int) -> int:
-    """Write a member of an archive and return its size [bytes]."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    size = 0
-    with target.open("wb") as stream:
-        while piece := member.read(1 << 20):
-            size += stream.write(piece)
-            if size > room:
-                found = f"unpacks to more than {SETTINGS.archive_unpacked_max_bytes >> 20} MB"
-                raise InputError(place=archive, found=found, remedy="Unpack it first")
-    return size
+        with zipfile.ZipFile(file) as archive:
+            names = [name for name in archive.namelist() if not name.endswith("/")]
+            yield from ((f"{file.name}/{name}", archive.open(name)) for name in names)
 
 
 def distinct_names(names: Sequence[str], sources: Sequence[str]) -> list[str]:
@@ -269,12 +250,3 @@ def _text(file: Path) -> str:
             return content.decode(encoding_of(file, content[: content.rfind(b"\n") + 1]), "replace")
     except (OSError, InputError):  # An unreadable file is reported later.
         return ""
-
-
-def _why_absent(path: Path) -> str:
-    try:
-        path.stat()
-    except OSError as error:
-        if error.errno not in {errno.ENOENT, errno.ENOTDIR, errno.ELOOP}:
-            return f"cannot be read: {error.strerror}"
-    return "no such file or folder"

@@ -13,15 +13,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mrdamper.arrays import BoolArray, FloatArray
+from mrdamper.arrays import FloatArray
 from mrdamper.core import turning_points
 from mrdamper.data.finding import Finding
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Moment, Texts
 from mrdamper.data.records import GAP_MIN_STEPS, LEAST_SAMPLES, changes_of_pace, command_slack, steady_command
 from mrdamper.schema import finite_or_none
-
-_SLOW = frozenset({"temperature", "command"})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,30 +95,12 @@ def _continues(before: Piece, after: Piece) -> bool:
 
 
 def filled(piece: Piece) -> Piece:
-    """Interpolate missing numbers inside a channel, up to 1 % of its samples.
-
-    A temperature or command that was recorded at a lower, regular rate is interpolated without this limit.
-    """
+    """Interpolate missing numbers inside a channel, up to 1 % of its samples."""
     channels, findings = dict(piece.channels), list(piece.findings)
     rows = np.arange(len(piece.time), dtype=np.float64)
     for role, values in {"time": piece.time, **piece.channels}.items():
         missing = np.isnan(values)
         count = int(missing.sum())
-        if role in _SLOW and _is_slow(missing):
-            channels[role] = np.interp(rows, rows[~missing], values[~missing])
-            findings.append(
-                Finding(
-                    kind="slow_channel",
-                    severity="note",
-                    channel=role,
-                    size=float(len(values) - count),
-                    unit="samples",
-                    found=f"{role} has values in {len(values) - count} of {len(values)} rows: interpolated",
-                    effect="Its changes between these rows are unknown",
-                    remedy="Nothing, if it changes slowly",
-                )
-            )
-            continue
         if not 0 < count <= 0.01 * len(values) or missing[0] or missing[-1]:
             continue
         whole = values.copy()
@@ -203,16 +183,6 @@ def evened(piece: Piece) -> Piece:
         remedy="Export the time with more digits",
     )
     return replace(piece, time=even, findings=(*piece.findings, found))
-
-
-def _is_slow(missing: BoolArray) -> bool:
-    """Return True if a channel has a number in about every n-th row."""
-    there = np.flatnonzero(~missing)
-    if len(there) < 2:
-        return len(there) == 1 and there[0] == 0 and len(missing) > 1  # A constant has only one number.
-    steps = np.diff([there[0] - 1, *there.tolist(), len(missing)])
-    inner = steps[1:-1]
-    return bool(inner.min() > 1 and inner.max() <= inner.min() + 1 and steps.max() <= inner.max() + 1)
 
 
 def cut_at_gaps(piece: Piece) -> Iterator[Piece]:

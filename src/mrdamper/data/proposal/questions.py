@@ -88,6 +88,7 @@ def ask(role: str, topic: Topic, place: str, found: str, candidates: Sequence[st
 
 def ask_all(faults: Sequence[InputError]) -> InputError:
     """Return one error that combines the questions of several errors."""
+    faults = [*{str(fault): fault for fault in faults}.values()]  # Runs of one file may have equal faults.
     if len(faults) == 1:
         return faults[0]
     are_questions = any(isinstance(fault, AskingError) for fault in faults)

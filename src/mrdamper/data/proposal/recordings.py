@@ -46,8 +46,8 @@ from mrdamper.data.proposal.pieces import (
     without_repeated_end,
 )
 from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all, relocate
-from mrdamper.data.proposal.roles import find_columns, skipped_columns, wide_columns
-from mrdamper.data.proposal.side_by_side import side_by_side, wide_of_long
+from mrdamper.data.proposal.roles import find_columns, skipped_columns
+from mrdamper.data.proposal.side_by_side import one_force_each, side_by_side, wide_of_long
 from mrdamper.data.records import CHANNELS, LEAST_SAMPLES, Recording
 from mrdamper.data.words.headers import candidates, has_word, unit_in_brackets
 from mrdamper.data.words.labels import Place, places_of
@@ -56,8 +56,6 @@ from mrdamper.errors import InputError
 from mrdamper.files import printable
 from mrdamper.quantities import QUANTITIES, CommandUnit, is_any_unit, roles_of_unit
 
-ONE_FOR_EACH = "one for each current"
-"""Source of a force column in a table with one force column for each current."""
 _HELD = ("current", "voltage", "temperature")
 
 
@@ -110,7 +108,8 @@ def runs_in(
         with_clocks(run)
         for table in tables
         for wide in wide_of_long(table)
-        for run in side_by_side(wide, chosen)
+        for block in side_by_side(wide, chosen)
+        for run in one_force_each(block, chosen)
     ]
     for number, table in enumerate(tables):
         own = _segment_map(chosen, table, number, len(tables))
@@ -194,9 +193,6 @@ def _is_other_kind(table: Table, tables: Sequence[Table]) -> bool:
 
 def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Place]) -> _Part:
     place = file.name
-    wide = () if "force" in chosen.channels else wide_columns(table)
-    if wide:
-        return _wide_part(table, chosen, file, wide, stated)
     columns = find_columns(table, chosen, place)
     channels, time, one = _channels(table, columns, chosen, place)
     reversed_by_map = any(channel.sign < 0 for channel in chosen.channels.values())
@@ -239,25 +235,6 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Plac
     return _Part(tuple(whole), columns, role, notes)
 
 
-def _wide_part(
-    table: Table, chosen: ChannelMap, file: Path, wide: Sequence[tuple[str, float]], stated: Sequence[Place]
-) -> _Part:
-    """Return the pieces of a table with one force column for each current. A piece has one force column."""
-    pieces: list[Piece] = []
-    columns: tuple[Column, ...] = ()
-    names = {name for name, _ in wide}
-    for name, current in wide:
-        others = {key: values for key, values in table.columns.items() if key not in names - {name}}
-        kept = tuple(each for each in table.names if each not in names - {name})
-        said = replace(chosen, constant={**chosen.constant, "current": current})
-        part = _part_of(replace(table, columns=others, names=kept), said, file, stated)
-        columns = columns or tuple(
-            replace(each, source=ONE_FOR_EACH) if each.role == "force" else each for each in part.columns
-        )
-        pieces += [replace(piece, told=(("current", current, f"column {name!r}"),)) for piece in part.pieces]
-    return _Part(tuple(pieces), columns, "current", (f"{len(wide)} columns of force, {ONE_FOR_EACH}",))
-
-
 def _channels(
     table: Table, columns: Sequence[Column], chosen: ChannelMap, place: str
 ) -> tuple[dict[str, FloatArray], FloatArray, OneClock]:
@@ -277,8 +254,9 @@ def _channels(
     stated = channels.pop("time", raw.get("time"))
     samples = max(map(len, channels.values()))
     for role in _HELD:
-        if role in channels and len(channels[role]) == 1:  # One value applies to all samples.
-            channels[role] = np.full(samples, channels[role][0])
+        known = channels[role][np.isfinite(channels[role])] if role in channels else ()
+        if len(known) == 1:  # One value applies to all samples.
+            channels[role] = np.full(samples, known[0])
     if stated is not None and len(stated) > 1:
         return channels, stated, one
     # A time column with a single number states the sampling interval.

@@ -43,9 +43,8 @@ from mrdamper.data.words.headers import (
     says_command,
     speaks_of,
     unit_in_brackets,
-    word_and_unit,
 )
-from mrdamper.data.words.labels import labels_in, ranges_in, scales_in
+from mrdamper.data.words.labels import ranges_in, scales_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, roles_of_unit, to_si
 
@@ -110,19 +109,6 @@ def _time_of_clock(table: Table, name: str, chosen: ChannelMap, place: str) -> C
     if not unit:
         raise no_unit("time", place, name)
     return Column("time", name, unit, "clock")
-
-
-def wide_columns(table: Table) -> tuple[tuple[str, float], ...]:
-    """Return the force columns of a table with one column for each current, and the currents [A].
-
-    The name of each column contains the current, and the currents differ.
-    """
-    forces = [name for name in table.columns if "force" in roles_of_unit(word_and_unit(name)[1])]
-    named = [(name, labels_in(name, "current")) for name in forces]
-    if len(forces) < 2 or any(len(values) != 1 for _, values in named):
-        return ()
-    found = tuple((name, values[0]) for name, values in named)
-    return found if len({value for _, value in found}) == len(found) else ()
 
 
 def column_of(

@@ -71,6 +71,28 @@ def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
     return tuple(runs)
 
 
+def one_force_each(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
+    """Return a table for each force column if the names of the force columns state different currents.
+
+    The title of a run is the old name of its force column. A channel map may name the column ``force [N]``.
+    """
+    units = {name: word_and_unit(name)[1] for name in table.columns}
+    forces = {name: f"force [{unit}]" for name, unit in units.items() if "force" in roles_of_unit(unit)}
+    currents = [labels_in(name, "current") for name in forces]
+    is_wide = len({*currents}) == len(forces) > 1 and all(len(values) == 1 for values in currents)
+    if not is_wide or chosen.channel("force").name not in {None, *forces.values()}:
+        return (table,)
+    runs = []
+    for name, new in forces.items():
+        names = {
+            each: new if each == name else each for each in table.names if each == name or each not in forces
+        }
+        columns = {names[each]: values for each, values in table.columns.items() if each in names}
+        layout = replace(table.layout, notes=(*table.layout.notes, "one column of force for each current"))
+        runs.append(replace(table, names=(*names.values(),), columns=columns, title=name, layout=layout))
+    return tuple(runs)
+
+
 def wide_of_long(table: Table) -> tuple[Table, ...]:
     """Convert a table with one row per sample and channel to tables with one column per channel.
 

@@ -17,7 +17,6 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import Finding
-from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Moment, Table
 from mrdamper.data.proposal.clocks import increases, start_of, unit_by_magnitude
 from mrdamper.data.proposal.column import Header, headers_of
@@ -32,8 +31,6 @@ from mrdamper.quantities import QUANTITIES, to_si
 
 _STEP_MAX_S = 3600.0  # A log with a longer step has no value during a run.
 _OF_RUNS = frozenset({"displacement", "velocity", "force"})
-# Possible differences between local time and UTC [h]. With the first, 0 h, the log must cover the run.
-_ZONES_h = (*range(15), *range(-12, 0), -9.5, -3.5, 3.5, 4.5, 5.5, 6.5, 9.5, 10.5)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,7 +147,6 @@ def _times(table: Table, headers: Sequence[Header], chosen: ChannelMap, place: s
 def _temperature_of(run: Run, log: _Log, runs: Sequence[Run]) -> FloatArray:
     """Return the temperatures [K] of a log at the times of a run.
 
-    If only the run or only the log states UTC, the temperatures must be nearly equal for all time zones.
     Raise InputError if the clocks of run and log cannot be compared, or if the log does not cover the run.
     """
     path, recording, start = run
@@ -162,17 +158,13 @@ def _temperature_of(run: Run, log: _Log, runs: Sequence[Run]) -> FloatArray:
     apart = np.abs(np.array(begins) - start.day_first_s - recording.time[0])
     if np.any(apart < 0.5 * np.ptp(recording.time)):
         raise InputError(found="several runs state the same start time")
-    found: list[FloatArray] = []
-    for zone in _ZONES_h if start.is_utc != log.start.is_utc else (0.0,):
-        for reading in ("day_first_s", "month_first_s"):
-            time = recording.time + getattr(start, reading) - getattr(log.start, reading) + 3600.0 * zone
-            if _is_covered(time, log.time):
-                found.append(np.interp(time, log.time, log.temperature))
-        if not found:
-            raise InputError(found=f"its times do not cover {path.name}")
-    if np.ptp(found, axis=0).max() > SETTINGS.time_zone_ambiguity_max_K:
+    if start.is_utc != log.start.is_utc:
         raise InputError(found="only one of runs and log states UTC, the other local time of an unknown zone")
-    return found[0]
+    for reading in ("day_first_s", "month_first_s"):
+        time = recording.time + getattr(start, reading) - getattr(log.start, reading)
+        if _is_covered(time, log.time):
+            return np.interp(time, log.time, log.temperature)
+    raise InputError(found=f"its times do not cover {path.name}")
 
 
 def _is_covered(time: FloatArray, log: FloatArray) -> bool:
