@@ -348,7 +348,7 @@ CASES: tuple[Case, ...] = (
     Case(
         "no unit",
         header("time_s,displacement_mm,Force,current_A"),
-        r"force has no unit; expected one in the header",
+        r"force has no unit \(column 'Force'\); expected a unit in the header",
     ),
     Case(
         "unit of something else",

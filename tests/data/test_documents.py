@@ -158,12 +158,6 @@ DOCUMENTS: dict[str, Writer] = {
         'columns = {t = "s", x = "mm", F = "N"}\n'
         + each('[[run]]\nfile = "%(n)s.csv"\ncoil = %(i)s # A\noil = 30 # degC\n'),
     ),
-    "xml": about(
-        "test.xml",
-        '<test><channel name="t" unit="s"/><channel name="x" unit="mm"/><channel name="F" unit="N"/>'
-        + each('<run file="%(n)s.csv"><current unit="A">%(i)s</current><oil unit="degC">30</oil></run>')
-        + "</test>",
-    ),
     "python": about(
         "load.py",
         "# columns: 1 time [s], 2 stroke [mm], 3 force [N]\n"

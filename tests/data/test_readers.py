@@ -205,7 +205,7 @@ def test_files_of_folder_are_read_once(tmp_path):
 def test_missing_paths_give_messages(tmp_path):
     with pytest.raises(InputError, match=r"missing\.csv: no such file or folder"):
         read_runs(tmp_path / "missing.csv")
-    with pytest.raises(InputError, match="the pattern matches no file"):
+    with pytest.raises(InputError, match="no file matches this pattern"):
         read_runs(f"{tmp_path}/*.csv")
     with pytest.raises(InputError, match="no runs in this folder"):
         read_runs(tmp_path)

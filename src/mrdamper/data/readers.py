@@ -15,9 +15,9 @@ from mrdamper.data.channels import ChannelMap, read_channel_map
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.data.formats.table import NoTableError
 from mrdamper.data.frames import Frame
-from mrdamper.data.proposal.channel_files import join_channel_files
 from mrdamper.data.proposal.documents import read_documents, with_lists
 from mrdamper.data.proposal.folders import GENERIC_SUFFIXES, distinct_names, find_files
+from mrdamper.data.proposal.joins import join_channel_files, join_temperature_logs
 from mrdamper.data.proposal.questions import (
     Answer,
     AskingError,
@@ -28,7 +28,6 @@ from mrdamper.data.proposal.questions import (
     with_answers,
 )
 from mrdamper.data.proposal.recordings import RigFile, runs_in
-from mrdamper.data.proposal.temperature_logs import join_temperature_logs
 from mrdamper.data.records import Dataset, Recording, RigRun
 from mrdamper.data.tables import read_tables
 from mrdamper.data.words.labels import Place

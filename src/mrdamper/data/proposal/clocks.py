@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +19,15 @@ from mrdamper.data.formats.clocks import stated_sampling, with_times
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Moment, Table
 from mrdamper.data.formats.timestamps import DAY_S, date_in, start_in
-from mrdamper.data.proposal.column import Column, header_of, meant_without_unit
+from mrdamper.data.proposal.column import (
+    Column,
+    column_list,
+    header_of,
+    meant_without_unit,
+    no_unit,
+    require_no_text,
+)
 from mrdamper.data.proposal.questions import ask
-from mrdamper.data.proposal.refusals import column_list, no_unit, require_no_text
 from mrdamper.data.words.headers import word_and_unit
 from mrdamper.data.words.labels import rates_in
 from mrdamper.errors import InputError
@@ -41,15 +47,6 @@ MEASURED = frozenset({"displacement", "force", "velocity"})
 """Roles that are not extrapolated. Values of other roles hold one step before and after their samples."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class OneClock:
-    """Columns by role, all at the times of one clock. If the table has several clocks, ``time`` is added."""
-
-    columns: Mapping[str, FloatArray]
-    interpolated: tuple[str, ...] = ()  # Roles of the interpolated columns.
-    findings: tuple[Finding, ...] = ()
-
-
 def fastest_time(table: Table, names: Iterable[str]) -> str | None:
     """Return the name of the time column of the fastest clock of the columns, None if they have no clock."""
     clocks = sorted({table.clocks[name] for name in names if name in table.clocks})
@@ -60,8 +57,12 @@ def fastest_time(table: Table, names: Iterable[str]) -> str | None:
     )
 
 
-def to_one_clock(table: Table, names: Mapping[str, str], chosen: ChannelMap, place: str) -> OneClock:
-    """Return the columns by role, interpolated to the times of the fastest clock.
+def to_one_clock(
+    table: Table, names: Mapping[str, str], chosen: ChannelMap, place: str
+) -> tuple[dict[str, FloatArray], tuple[str, ...], tuple[Finding, ...]]:
+    """Return the columns at the times of the fastest clock, the roles of interpolated columns, and findings.
+
+    If the table has several clocks, the columns include ``time``.
 
     Parameters
     ----------
@@ -74,7 +75,7 @@ def to_one_clock(table: Table, names: Mapping[str, str], chosen: ChannelMap, pla
     columns = {role: table.columns[name] for role, name in names.items()}
     fastest = fastest_time(table, names.values())
     if fastest is None or len({*own.values()}) < 2:
-        return OneClock(columns)
+        return columns, (), ()
     main = table.clocks[fastest]
     times = {clock: _seconds(table, _time_of(table, clock)) for clock in {*own.values()}}
     spans: dict[str, tuple[float, float]] = {}  # First and last time with values of each channel [s].
@@ -98,7 +99,7 @@ def to_one_clock(table: Table, names: Mapping[str, str], chosen: ChannelMap, pla
                 found=f"column {names[role]!r} ({role}) states no start and no step; other channels do",
                 remedy="Export the run with a time column",
             )
-    return OneClock(found, tuple(role for role, clock in own.items() if clock != main), findings)
+    return found, tuple(role for role, clock in own.items() if clock != main), findings
 
 
 def _time_of(table: Table, clock: int) -> str:
@@ -320,9 +321,7 @@ def unit_by_magnitude(times: FloatArray, step_max_s: float = _STEP_MAX_S) -> str
 
 def require_one_rate(column: Column, table: Table, place: str) -> None:
     """Raise InputError if time unit and sampling rate differ by a power of a thousand."""
-    if not table.said:
-        return
-    ticks = _ticks_per_second(column.name, table)
+    ticks = _ticks_per_second(column.name, table) if table.said else None
     if ticks is None or ticks <= 0.0:
         return
     wrong = ticks * float(to_si(1.0, column.unit, "time"))

@@ -1,4 +1,4 @@
-"""Header of a table column, and the column chosen for a role."""
+"""Header of a table column, the column chosen for a role, and questions about a missing column or unit."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from mrdamper.data.channels import Channel, ChannelMap
-from mrdamper.data.formats.table import Table
+from mrdamper.data.formats.table import SKIPPED, Table
 from mrdamper.data.formats.timestamps import date_in
+from mrdamper.data.proposal.questions import Topic, ask
 from mrdamper.data.words.headers import (
     begins_with_symbol,
+    candidates,
     has_word,
     legend_in,
     parse_header,
@@ -19,6 +21,7 @@ from mrdamper.data.words.headers import (
 )
 from mrdamper.data.words.labels import rates_in, scales_in
 from mrdamper.data.words.signs import signs_in
+from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit, spell_unit, to_si
 
 
@@ -165,3 +168,46 @@ def meant_without_unit(role: str, headers: Sequence[Header]) -> Header | None:
     ]
     found = [each for each in found if not has_word(each.word, "set point")] or found
     return found[0] if len(found) == 1 else None
+
+
+def no_column(role: str, table: Table, place: str) -> InputError:
+    """Return the error that requests the column of a role."""
+    require_no_text(role, table, place)
+    names = candidates(role, [*table.columns])
+    bare = meant_without_unit(role, [header_of(table, name) for name in table.columns])
+    scale = [name for name in table.columns if "voltage" in roles_of_unit(word_and_unit(name)[1])]
+    skipped = "".join(f"; {note}" for note in table.layout.notes if note.startswith(SKIPPED))
+    topic: Topic = "unit" if bare is not None else "scale" if not names and scale else "column"
+    found = f"no {role} column; the columns are: {column_list(table.names)}{skipped}"
+    choices = QUANTITIES[role].units if bare is not None else names or scale or list(table.columns)
+    return ask(role, topic, place, found, choices)
+
+
+def no_unit(role: str, place: str, name: str, found: str = "") -> InputError:
+    """Return the error that requests the unit of a column. ``found`` is the fault, "": no unit."""
+    return ask(role, "unit", place, found or f"{role} has no unit (column {name!r})", QUANTITIES[role].units)
+
+
+def no_scale(role: str, names: Sequence[str], place: str, stated: Sequence[str] = ()) -> InputError:
+    """Return the error that requests the scale of a sensor per volt. ``stated`` are the stated scales."""
+    columns = ", ".join(map(repr, names))
+    state = f"is stated several times: {', '.join(map(repr, stated))}" if len(stated) > 1 else "is missing"
+    found = f"{role} is in volts ({columns}) and the scale in {QUANTITIES[role].unit} per volt {state}"
+    return ask(role, "scale", place, found, names)
+
+
+def require_no_text(role: str, table: Table, place: str) -> None:
+    """Raise InputError if the column that the header assigns to a role contains text instead of numbers."""
+    for name, cells in table.texts.items():
+        header = parse_header(name)
+        if header is not None and header[0] == role:
+            cell = next((cell for cell in cells if cell), "")
+            found = f"column {name!r} ({role}) holds text, such as {cell[:40]!r}"
+            expected = "numbers, without units or separators of thousands in the cells"
+            raise InputError(place=place, found=found, expected=expected, remedy="Export the file again")
+
+
+def column_list(names: Sequence[str]) -> str:
+    """Return the names of up to 24 columns as one line."""
+    more = f" and {len(names) - 24} more" if len(names) > 24 else ""
+    return ", ".join(names[:24]) + more

@@ -5,7 +5,9 @@ Words (``words.labels``) are used only if neither a column nor a map has the val
 
 from __future__ import annotations
 
+import itertools
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import get_args
@@ -13,18 +15,33 @@ from typing import get_args
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.channels import ChannelMap
+from mrdamper.data.channels import COMMANDS, ChannelMap
 from mrdamper.data.finding import Finding
+from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Table
-from mrdamper.data.proposal.column import Column
+from mrdamper.data.proposal.column import (
+    Column,
+    Header,
+    header_of,
+    meant_without_unit,
+    no_scale,
+    require_no_text,
+)
 from mrdamper.data.proposal.pieces import Piece
-from mrdamper.data.proposal.questions import ask
-from mrdamper.data.proposal.refusals import no_command, varying_commands
+from mrdamper.data.proposal.questions import Topic, ask
 from mrdamper.data.records import command_slack, steady_command
-from mrdamper.data.words.headers import word_and_unit
+from mrdamper.data.words.headers import (
+    begins_with_symbol,
+    has_word,
+    is_command_share,
+    parse_header,
+    says_command,
+    speaks_of,
+    word_and_unit,
+)
 from mrdamper.data.words.labels import Place, find_label
 from mrdamper.errors import InputError
-from mrdamper.quantities import CommandUnit
+from mrdamper.quantities import QUANTITIES, CommandUnit, roles_of_unit
 
 COMMAND_UNITS: dict[str, CommandUnit] = dict(zip(("current", "voltage"), get_args(CommandUnit), strict=True))
 
@@ -35,22 +52,17 @@ def command_role(columns: Iterable[Column], chosen: ChannelMap, place: str) -> s
     A constant in the channel map has priority over a column.
     """
     measured = {column.role for column in columns}
-    for role in COMMAND_UNITS:
-        if role in chosen.constant and role in measured:
-            raise InputError(
-                place=place, found=f"{role} is a column and a constant of the channel map; leave one out"
-            )
-    for known in (chosen.constant, measured):
-        for role in COMMAND_UNITS:
-            if role in known:
-                return role
-    return ""
+    if both := {*COMMAND_UNITS} & measured & chosen.constant.keys():
+        found = f"{both.pop()} is a column and a constant of the channel map; leave one out"
+        raise InputError(place=place, found=found)
+    return next(
+        (role for known in (chosen.constant, measured) for role in COMMAND_UNITS if role in known), ""
+    )
 
 
 def command_of(
     role: str,
     measured: FloatArray | None,
-    held: float | None,
     samples: int,
     table: Table,
     chosen: ChannelMap,
@@ -59,11 +71,9 @@ def command_of(
 ) -> tuple[str, FloatArray, tuple[tuple[str, float, str], ...]]:
     """Return the command: role, values, and (role, value, source) if words state it.
 
-    The sources in order of priority are: ``held`` (the map's command for a section of the file), the
-    measured column, the constant of the map, and the nearest text with a command.
+    The sources in order of priority are the measured column, the constant of the map, and the nearest text
+    with a command.
     """
-    if held is not None:
-        return role, np.full(samples, held), ()
     if measured is not None:
         _require_agreement(role, measured, table, texts, place)
         return role, measured, ()
@@ -83,13 +93,17 @@ def command_of(
 
 def _require_no_varying_column(role: str, value: float, table: Table, place: str) -> None:
     """Raise AskingError if the command is stated as constant, but a column named as a current varies."""
-    for name in varying_commands(table):
-        low, high = np.nanquantile(table.columns[name], (0.0, 1.0)).tolist()
-        found = (
-            f"the {role} is stated as {value:g} {COMMAND_UNITS[role]} throughout, and column {name!r} varies "
-            f"from {low:.4g} to {high:.4g}: answer current.column={name}, or remove it from the file"
-        )
-        raise ask("current", "column", place, found, [name])
+    for header in (header_of(table, name) for name in table.columns if name not in table.stamps):
+        may_be_current = "current" in header.of_unit or (_may_be_command(header) and _names_current(header))
+        values = table.columns[header.name]
+        if may_be_current and _level_changes(values):
+            low, high = np.nanquantile(values, (0.0, 1.0)).tolist()
+            found = (
+                f"the {role} is stated as {value:g} {COMMAND_UNITS[role]} throughout, and column "
+                f"{header.name!r} varies from {low:.4g} to {high:.4g}: answer current.column={header.name}, "
+                "or remove it from the file"
+            )
+            raise ask("current", "column", place, found, [header.name])
 
 
 def _require_agreement(
@@ -151,23 +165,93 @@ def with_temperature(
     return replace(piece, channels={**piece.channels, "temperature": warm}), told
 
 
-def segments_of(
-    table: Table, chosen: ChannelMap, samples: int, place: str
-) -> tuple[list[int], list[float | None]]:
-    """Return the limits of the tests in a file, and the command of each test.
-
-    The limits are the first row of each test, followed by the number of rows of the file.
-    """
-    assert chosen.segments is not None
-    split, commands = chosen.segments.split, chosen.segments.commands
-    begins = {
-        row
-        for cells in table.texts.values()
-        for row, cell in enumerate(cells)
-        if cell is not None and split in cell and row > 0
-    }
-    edges = [0, *sorted(begins), samples]
-    if len(edges) - 1 != len(commands):
-        found = f"{split!r} splits the file into {len(edges) - 1} tests, [segments] has {len(commands)}"
+def with_segments(tables: Sequence[Table], chosen: ChannelMap, place: str) -> list[tuple[Table, ChannelMap]]:
+    """Return each table with its map. Segments of the map divide the tables into tests with own commands."""
+    segments = chosen.segments
+    if segments is None:
+        return [(table, chosen) for table in tables]
+    tests: list[Table] = []
+    for table in tables:
+        begins = {
+            row
+            for cells in table.texts.values()
+            for row, cell in enumerate(cells)
+            if cell is not None and segments.split in cell
+        }
+        for first, last in itertools.pairwise([*sorted({0, *begins}), table.rows]):
+            columns = {
+                name: values[first:last] if len(values) == table.rows else values
+                for name, values in table.columns.items()
+            }
+            stamps = {
+                name: moment.later(float(columns[name][0] - table.columns[name][0]))
+                for name, moment in table.stamps.items()
+            }
+            tests.append(replace(table, columns=columns, texts={}, stamps=stamps, rows=last - first))
+    if len(tests) != len(segments.commands):
+        found = f"{segments.split!r} splits the file into {len(tests)} tests"
+        found += f", [segments] has {len(segments.commands)}"
         raise InputError(place=place, found=found, remedy="Check the events and the list")
-    return edges, list(commands)
+    return [
+        (table, replace(chosen, segments=None, constant={**chosen.constant, segments.role: command}))
+        for table, command in zip(tests, segments.commands, strict=True)
+    ]
+
+
+def no_command(
+    table: Table, place: str, found: str = "no current or voltage", values: Sequence[str] = ()
+) -> InputError:
+    """Return the error that requests the command."""
+    for role in COMMANDS:
+        require_no_text(role, table, place)
+    volts = [name for name in table.columns if "voltage" in roles_of_unit(word_and_unit(name)[1])]
+    # If two columns have the same word, such as "force", the column in volts is a sensor output.
+    often = Counter(word_and_unit(name)[0] for name in table.columns)
+    volts = [name for name in volts if parse_header(name) is None and often[word_and_unit(name)[0]] == 1]
+    monitors = [
+        name
+        for name in volts
+        if has_word(name, "sensor output") or speaks_of(word_and_unit(name)[0], "current")
+    ]
+    if monitors and not values:
+        return no_scale("current", monitors, place)
+    shares = command_shares(table)
+    if shares and not volts and not values:
+        found = f"{' and '.join(map(repr, shares))} is a command in per cent of an unknown current"
+        return ask("current", "scale", place, f"{found} (answer such as 2 A/100%)", shares)
+    headers = [header_of(table, name) for name in table.columns if name not in table.stamps]
+    unclear = [] if values else [each.name for each in headers if _may_be_command(each)]
+    bare = None if volts or len(unclear) > 1 else meant_without_unit("current", headers)
+    listed_columns = f"; {' or '.join(map(repr, unclear))} may hold it" if unclear else ""
+    columns = [*volts, *(name for name in unclear if name not in volts)]
+    topic: Topic = (
+        "unit" if bare is not None and not values else "column" if columns and not values else "value"
+    )
+    choices = values or (QUANTITIES["current"].units if bare is not None else columns)
+    return ask("current", topic, place, found + listed_columns, choices)
+
+
+def _may_be_command(header: Header) -> bool:
+    """Return True if a column has no unit, and the name of a current, a voltage or a set point."""
+    if header.unit or header.of_word not in {"", *COMMANDS}:
+        return False
+    if any(speaks_of(header.word, role) for role in QUANTITIES if role not in COMMANDS):
+        return False
+    named = _names_current(header) or speaks_of(header.word, "voltage")
+    return named or says_command(header.word) or has_word(header.word, "set point")
+
+
+def _names_current(header: Header) -> bool:
+    return speaks_of(header.word, "current") or begins_with_symbol(header.word, "current")
+
+
+def _level_changes(values: FloatArray) -> bool:
+    """Return True if the medians of parts of a column differ by more than 20 % of its largest value."""
+    parts = np.array_split(values[np.isfinite(values)], SETTINGS.level_part_count)
+    levels = [float(np.median(part)) for part in parts if len(part)]
+    return bool(levels) and np.ptp(levels) > 0.2 * float(np.nanmax(np.abs(values)))
+
+
+def command_shares(table: Table) -> list[str]:
+    """Return the columns with a command in per cent."""
+    return [name for name in table.columns if is_command_share(name, table.units.get(name, ""))]

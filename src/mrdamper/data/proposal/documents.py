@@ -122,11 +122,14 @@ class _Files:
     def in_cell(self, cell: str) -> tuple[Path, ...]:
         return self.names.get(re.split(r"[\\/]", cell)[-1].strip(" `*\"'").lower(), ())
 
+    def by_number(self, cell: str) -> tuple[Path, ...]:
+        return self.numbers.get(int(float(cell)), ()) if _WHOLE.fullmatch(cell) else ()
+
     def in_row(self, cells: Sequence[str]) -> list[tuple[Path, ...]]:
         """Return the files that each cell names, [] unless the cells name different runs."""
         found = [self.in_cell(cell) for cell in cells]
         if not any(found) and _NUMBER_WORDS.search(cells[0]) and all(map(_WHOLE.fullmatch, cells[1:])):
-            found = [(), *(self.numbers.get(int(float(cell)), ()) for cell in cells[1:])]
+            found = [(), *map(self.by_number, cells[1:])]
         return found if len({*found} - {()}) > 1 else []
 
     def are_others(self, words: Sequence[str]) -> bool:
@@ -164,7 +167,7 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
     for path in (*files, *sorted(inside - {*files})):
         try:
             texts[path] = _lines_of(path)
-        except (InputError, OSError, ValueError, RecursionError):  # damaged text, JSON, XML or workbook
+        except (InputError, OSError, ValueError, RecursionError):  # damaged text, JSON or workbook
             continue
     sampled = {path for path in texts if any(holds_samples(texts[path], sign) for sign in DELIMITERS)}
     found = []
@@ -244,9 +247,7 @@ def _stating(about: Mapping[Path, Sequence[str]]) -> dict[Path, tuple[str, ...]]
 def _lines_of(path: Path) -> list[str]:
     """Return the lines of a small text or sheet, with tabs between cells, or the entries of a notation.
 
-    Raise InputError if a workbook is damaged or encrypted, or the encoding of a text is unknown, OSError if
-    the file is not readable, ValueError if it is not valid JSON, XML or text, RecursionError if it is
-    nested too deeply.
+    Raise InputError, OSError, ValueError or RecursionError if the file is damaged or not readable.
     """
     if not is_small_file(path):
         return []
@@ -291,23 +292,18 @@ def _lines_by_file(
     across: list[tuple[Path, ...]] = []  # The files of each column, if the columns of a table are runs.
     for line in lines:
         cells = _cells(line)
-        heads = known.in_row(cells)
-        if not heads and len(cells) == len(across):
-            for owners, cell in zip(across, cells, strict=True):
-                for file in owners:
-                    found.setdefault(file, []).append(with_unit(f"{cells[0]}: {cell}"))
-        if heads or len(cells) == len(across):
-            across = heads or across
+        across = known.in_row(cells) or (across if len(cells) == len(across) else [])
+        for owners, cell in zip(across, cells, strict=False):
+            for file in owners:
+                found.setdefault(file, []).append(with_unit(f"{cells[0]}: {_strip_name(cell, file)}"))
+        if across:
             mentions += 1
             continue
-        across = []
         named = next((named for cell in cells if (named := known.in_cell(cell))), ())
         if not named and len(cells) == len(header):
-            pairs = zip(header, cells, strict=True)
-            counts = [cell for name, cell in pairs if _NUMBER_WORDS.search(name) and _WHOLE.fullmatch(cell)]
-            others = known.are_others([cell.lower() for cell in cells])
-            numbered = (known.numbers.get(int(float(cell)), ()) for cell in counts if not others)
-            named = next(filter(None, numbered), ())
+            counts = [cell for name, cell in zip(header, cells, strict=True) if _NUMBER_WORDS.search(name)]
+            if not known.are_others([cell.lower() for cell in cells]):
+                named = next(filter(None, map(known.by_number, counts)), ())
         if named and len(cells) > 1 and len(cells) == len(header):
             stated = [pair for pair in zip(header, cells, strict=True) if not known.in_cell(pair[1])]
             for file in named:
@@ -342,8 +338,7 @@ def _matrix_lines(path: Path, lines: Sequence[str], files: Sequence[Path]) -> di
     known = _Files(files, path.parent)
     for cells in map(_cells, lines):
         filled = [cell for cell in cells[1:] if cell]
-        named = {cell: known.in_cell(cell) for cell in filled}
-        named |= {cell: known.numbers.get(int(float(cell)), ()) for cell in filled if _WHOLE.fullmatch(cell)}
+        named = {cell: known.by_number(cell) or known.in_cell(cell) for cell in filled}
         if len(cells) != len(heads) or not filled or not all(named.values()):
             heads = cells
             continue

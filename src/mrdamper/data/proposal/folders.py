@@ -66,28 +66,23 @@ def find_files(paths: Sequence[PathLike], space: Path) -> list[Path]:
         raise InputError(found="no paths given", expected="files, folders or patterns")
     for given in paths:
         path = Path(given)
+        found = "no such file or folder, and no file matches this pattern"
         if is_folder(path):
-            inside = list(_files_below(path))
-            if not inside:
-                raise InputError(
-                    place=path, found="no runs in this folder", expected=", ".join(sorted(format_suffixes()))
-                )
+            inside, found = list(_files_below(path)), "no runs in this folder"
         elif is_there(path):
             inside = [path]
-        elif glob.has_magic(str(given)):
+        else:
             inside = sorted(Path(name) for name in glob.glob(str(given), recursive=True))  # noqa: PTH207
             inside = [file for file in inside if file.is_file()]
-            if not inside:
-                raise InputError(place=given, found="the pattern matches no file")
-        else:
-            raise InputError(place=path, found="no such file or folder, or no permission to read it")
+        if not inside:
+            raise InputError(place=path, found=found, expected=", ".join(sorted(format_suffixes())))
         for file in inside:
             files.setdefault(file.resolve(), file)
-    found: list[Path] = []
+    unpacked: list[Path] = []
     folders: dict[Path, None] = {}  # Folders in which an archive was found.
     for file in files.values():
         members = _unpack(file, space)
-        found += members
+        unpacked += members
         if members != [file] and file not in map(Path, paths):
             folders[file.parent] = None
     for document in (each for folder in folders for each in folder.iterdir()):
@@ -95,7 +90,7 @@ def find_files(paths: Sequence[PathLike], space: Path) -> list[Path]:
         if is_small_file(document) and not _is_archive(document) and not copy.exists():
             with suppress(OSError):  # An unreadable document is not copied.
                 shutil.copy(document, copy)
-    return found
+    return unpacked
 
 
 def _unpack(file: Path, space: Path) -> list[Path]:

@@ -1,4 +1,4 @@
-"""Entries of structured documents: JSON, XML, YAML, TOML, INI, and assignments in scripts.
+"""Entries of structured documents: JSON, YAML, TOML, INI, and assignments in scripts.
 
 Each notation is parsed to nested mappings. The items of a list have the keys 1, 2, ... The mappings are then
 written as lines. A value becomes ``coil current: 0.5 A``, a column becomes ``2 pos [mm]``. An item with
@@ -11,7 +11,6 @@ import json
 import re
 from collections.abc import Iterator
 from typing import TypeAlias
-from xml.etree import ElementTree
 
 from mrdamper.data.formats.lines.cells import is_number
 from mrdamper.data.formats.settings import SETTINGS
@@ -22,7 +21,7 @@ Node: TypeAlias = "dict[str | int, Node | str]"
 
 SCRIPTS = frozenset({".m", ".py", ".r", ".jl"})
 _COMMENT_SIGNS = {".m": "%", ".ini": "[#;]", ".cfg": "[#;]"}
-NOTATIONS = frozenset({".json", ".xml", ".yaml", ".yml", ".toml", *_COMMENT_SIGNS, *SCRIPTS})
+NOTATIONS = frozenset({".json", ".yaml", ".yml", ".toml", *_COMMENT_SIGNS, *SCRIPTS})
 _SECTION = re.compile(r"\[+([^\]=,]+)\]+")
 _ENTRY = re.compile(r"(\s*)(- +)?(?:(\"[^\"]*\"|'[^']*'|[^\s:=\[{\"'][^:=]*?)\s*(?::(?=\s|$)|=|<-)\s*)?(.*)")
 _STATEMENT_END = re.compile(r";\s+(?=[A-Za-z_][\w.(){}]*\s*=[^=])")
@@ -36,19 +35,10 @@ _NAMES = ("name", "names", "channel", "channels", "column", "columns", "label", 
 def entries_of(text: str, suffix: str) -> list[str]:
     """Return the entries of a document in the notation of its suffix as lines.
 
-    Raise ValueError if the document is not valid JSON or XML, RecursionError if it is nested too
-    deeply.
+    Raise ValueError if the document is not valid JSON, RecursionError if it is nested too deeply.
     """
     if suffix == ".json":
         return [*_lines(_tree_of_object(json.loads(text)))]
-    if suffix == ".xml":
-        if "<!" in re.sub(r"<!--|<!\[CDATA\[", "", text):
-            raise ValueError("XML with a document type is not read")
-        try:
-            root = ElementTree.fromstring(text)
-        except ElementTree.ParseError as error:
-            raise ValueError(f"{error}") from error
-        return [*_lines(_tree_of_object({"": _object_of_element(root)}))]
     remarks, tree = _tree_of_lines(text, suffix)
     if suffix in SCRIPTS:
         tree = {key: _with_keys(node, remarks) for key, node in tree.items()}
@@ -84,18 +74,6 @@ def _tree_of_object(value: object) -> Node | str:
     if isinstance(value, dict):
         return {f"{key}": _tree_of_object(inner) for key, inner in value.items()}
     return dict(enumerate(map(_tree_of_object, value), 1)) if isinstance(value, list) else f"{value}"
-
-
-def _object_of_element(element: ElementTree.Element) -> object:
-    """Convert an XML element to a mapping. The text of the element has the key ``value``."""
-    groups: dict[str, list[object]] = {}
-    for child in element:
-        groups.setdefault(child.tag.rpartition("}")[2], []).append(_object_of_element(child))
-    inner = {tag: found if len(found) > 1 else found[0] for tag, found in groups.items()}
-    text = (element.text or "").strip()
-    return (
-        {**element.attrib, **inner, **({"value": text} if text else {})} if inner or element.attrib else text
-    )
 
 
 def _tree_of_lines(text: str, suffix: str) -> tuple[list[str], Node]:

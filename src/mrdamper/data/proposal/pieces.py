@@ -19,6 +19,7 @@ from mrdamper.data.finding import Finding
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Moment, Texts
 from mrdamper.data.records import GAP_MIN_STEPS, LEAST_SAMPLES, changes_of_pace, command_slack, steady_command
+from mrdamper.quantities import CommandUnit
 from mrdamper.schema import finite_or_none
 
 
@@ -31,6 +32,7 @@ class Piece:
     title: str = ""  # Title of the sheet, group or run.
     findings: tuple[Finding, ...] = ()
     start: Moment | None = None  # Moment of time zero.
+    command_unit: CommandUnit = "A"
     told: tuple[tuple[str, float, str], ...] = field(default=())  # (role, value [SI], source) from words
 
     def part(self, rows: slice) -> Piece:
@@ -85,7 +87,7 @@ def _continues(before: Piece, after: Piece) -> bool:
     usual = float(np.median(np.diff(before.time)))
     if not 0.0 < float(after.time[0] - before.time[-1]) < SETTINGS.continuation_max_steps * usual:
         return False
-    if before.told != after.told:
+    if before.told != after.told or before.command_unit != after.command_unit:
         return False
     commands = [piece.channels.get("command") for piece in (before, after)]
     held = [None if command is None else steady_command(command) for command in commands]
@@ -265,9 +267,8 @@ def with_stated_signs(
 ) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
     """Return the channels with extension and tension positive, and a remark if a channel was reversed.
 
-    ``signs`` are the stated signs of displacement and force. If only one sign is stated, the other sign
-    follows from it, because the damper dissipates energy. If the stated signs contradict the dissipation, the
-    channels are unchanged.
+    ``signs`` are the stated signs of displacement and force. A sign that is not stated follows from the other
+    one, because the damper dissipates energy. Signs that contradict the dissipation are not applied.
     """
     motion, force = channels.get("displacement"), channels.get("force")
     if motion is None or force is None or len(motion) != len(force) or -1 not in signs.values():

@@ -21,7 +21,7 @@ from mrdamper.schema import unknown_name
 
 Topic = Literal["unit", "rate", "column", "scale", "value", "part"]
 _EXPECTED: Mapping[Topic, str] = {
-    "unit": "one in the header (such as {role}_{unit}), or `unit` at [channel.{role}] in a channel map "
+    "unit": "a unit in the header (such as {role}_{unit}), or `unit` at [channel.{role}] in a channel map "
     "(--channels FILE): {units}",
     "column": "one column with a header such as {role}_{unit}, or [channel.{role}] in a channel map "
     "(--channels FILE)",
@@ -153,10 +153,8 @@ def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: PurePath) 
         elif answer.topic == "column":
             channels[answer.role] = replace(channel, name=answer.value, pattern=None, index=None)
         elif answer.topic == "scale":
-            gain, unit = (
-                _number(answer, QUANTITIES[answer.role].unit),
-                "%" if answer.value.endswith("%") else "V",
-            )
+            gain = _number(answer, QUANTITIES[answer.role].unit)
+            unit = "%" if answer.value.endswith("%") else "V"
             channels[answer.role] = replace(channel, gain=gain, unit=unit)
         elif answer.topic == "rate":
             rate = _number(answer, "Hz")

@@ -18,7 +18,6 @@ from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.data.formats.table import Layout, Moment, Table
 from mrdamper.data.proposal.clocks import (
-    OneClock,
     increases,
     sampling_step,
     start_of,
@@ -30,7 +29,7 @@ from mrdamper.data.proposal.commands import (
     COMMAND_UNITS,
     command_of,
     command_role,
-    segments_of,
+    with_segments,
     with_temperature,
 )
 from mrdamper.data.proposal.folders import GENERIC_SUFFIXES, format_suffixes, own_name
@@ -54,7 +53,7 @@ from mrdamper.data.words.labels import Place, places_of
 from mrdamper.data.words.signs import signs_in
 from mrdamper.errors import InputError
 from mrdamper.files import printable
-from mrdamper.quantities import QUANTITIES, CommandUnit, is_any_unit, roles_of_unit
+from mrdamper.quantities import QUANTITIES, is_any_unit, roles_of_unit
 
 _HELD = ("current", "voltage", "temperature")
 
@@ -78,7 +77,6 @@ class _Part:
 
     pieces: tuple[Piece, ...]
     columns: tuple[Column, ...]
-    role: str  # Role of the command: "current" or "voltage".
     notes: tuple[str, ...] = ()
 
 
@@ -111,8 +109,9 @@ def runs_in(
         for block in side_by_side(wide, chosen)
         for run in one_force_each(block, chosen)
     ]
-    for number, table in enumerate(tables):
-        own = _segment_map(chosen, table, number, len(tables))
+    segments = with_segments(tables, chosen, file.name)
+    tables = [table for table, _ in segments]
+    for table, own in segments:
         try:
             parts.append(_part_of(table, own, file, stated))
         except InputError as fault:
@@ -135,23 +134,11 @@ def runs_in(
     if len(parts) > 1 and tables[0].title:
         remarks += (f"{len(parts)} parts",)
     layout = replace(layout, notes=(*layout.notes, *remarks))
-    whole = [piece for part in parts for piece in part.pieces]
-    pieces = [(piece, parts[0].role) for piece in (join_pieces(whole) if chosen.segments is None else whole)]
-    if len({part.role for part in parts}) > 1:
-        pieces = [(piece, part.role) for part in parts for piece in part.pieces]
+    pieces = [piece for part in parts for piece in part.pieces]
+    if chosen.segments is None:
+        pieces = join_pieces(pieces)
     recordings, findings, inferred, starts = _make_recordings(pieces, chosen, file, name or own_name(file))
     return RigFile(recordings, layout, parts[0].columns, chosen, findings, inferred, starts)
-
-
-def _segment_map(chosen: ChannelMap, table: Table, number: int, count: int) -> ChannelMap:
-    """Return the map for a table, with the table's command if each segment is one table."""
-    segments = chosen.segments
-    if segments is None or count != len(segments.commands):
-        return chosen
-    if not any(segments.split in line for line in table.said):
-        return chosen
-    held = {**chosen.constant, segments.role: segments.commands[number]}
-    return replace(chosen, segments=None, constant=held)
 
 
 def _may_be_run(table: Table, *, is_foreign: bool) -> bool:
@@ -194,57 +181,47 @@ def _is_other_kind(table: Table, tables: Sequence[Table]) -> bool:
 def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Place]) -> _Part:
     place = file.name
     columns = find_columns(table, chosen, place)
-    channels, time, one = _channels(table, columns, chosen, place)
+    channels, time, interpolated, findings = _channels(table, columns, chosen, place)
     reversed_by_map = any(channel.sign < 0 for channel in chosen.channels.values())
     channels, remarks = with_stated_signs(channels, {} if reversed_by_map else signs_in(table.said))
     role = command_role(columns, chosen, place)
     measured = channels.pop(role) if role in channels else None
     for other in COMMAND_UNITS:
         channels.pop(other, None)
-    edges, titles = run_edges(time, table.texts if chosen.segments is None else {})
-    commands: list[float | None] = []
-    if chosen.segments is not None:
-        edges, commands = segments_of(table, chosen, len(time), place)
-        role = chosen.segments.role
+    edges, titles = run_edges(time, table.texts)
     pieces = []
     for number, (first, last) in enumerate(itertools.pairwise(edges)):
         title = next((titles[k] for k in sorted(titles, reverse=True) if k <= first), "")
-        held = commands[number] if commands else None
-        values = measured[first:last] if measured is not None and held is None else None
+        values = measured[first:last] if measured is not None else None
         piece = Piece(
             time=time[first:last],
             channels={name: each[first:last] for name, each in channels.items()},
             title=title or table.title,
-            findings=() if number else one.findings,
+            findings=() if number else findings,
             start=start_of(table, float(time[0]), file, [each.text for each in stated])
             if len(time)
             else None,
         )
         place_texts = (*places_of(title or table.title, table.said, file), *stated)
-        role_now, values, told = command_of(
-            role, values, held, len(piece.time), table, chosen, place_texts, place
-        )
+        role, values, told = command_of(role, values, len(piece.time), table, chosen, place_texts, place)
         piece, told = with_temperature(piece, told, chosen, place_texts)
-        pieces.append(replace(piece, channels={**piece.channels, "command": values}, told=told))
-        role = role_now
-    whole = join_pieces(pieces) if chosen.segments is None else pieces
-    slow = ", ".join(one.interpolated)
+        channels_now = {**piece.channels, "command": values}
+        pieces.append(replace(piece, channels=channels_now, told=told, command_unit=COMMAND_UNITS[role]))
+    slow = ", ".join(interpolated)
     notes: tuple[str, ...] = (f"{slow} interpolated to the fastest clock",) if slow else ()
     skipped = skipped_columns(table, columns, chosen, place)
     notes += (*remarks, *((f"not used: {', '.join(skipped)}",) if skipped else ()))
-    return _Part(tuple(whole), columns, role, notes)
+    return _Part(tuple(join_pieces(pieces)), columns, notes)
 
 
 def _channels(
     table: Table, columns: Sequence[Column], chosen: ChannelMap, place: str
-) -> tuple[dict[str, FloatArray], FloatArray, OneClock]:
-    """Return channels by role [SI], time [s], and columns interpolated to one clock."""
+) -> tuple[dict[str, FloatArray], FloatArray, tuple[str, ...], tuple[Finding, ...]]:
+    """Return channels by role [SI], time [s], roles that were interpolated to one clock, and findings."""
     names = {column.role: column.name for column in columns if column.role != "time"}
-    one = to_one_clock(table, names, chosen, place)
-    raw = dict(one.columns)
+    raw, interpolated, findings = to_one_clock(table, names, chosen, place)
     for column in columns:
-        if column.role not in raw:
-            raw[column.role] = table.columns[column.name]
+        raw.setdefault(column.role, table.columns[column.name])
     channels: dict[str, FloatArray] = {}
     for column in columns:
         if not len(raw[column.role]):
@@ -253,19 +230,19 @@ def _channels(
         channels[column.role] = column.channel(chosen).to_si(raw[column.role], column.unit, place)
     stated = channels.pop("time", raw.get("time"))
     samples = max(map(len, channels.values()))
-    for role in _HELD:
-        known = channels[role][np.isfinite(channels[role])] if role in channels else ()
-        if len(known) == 1:  # One value applies to all samples.
-            channels[role] = np.full(samples, known[0])
+    for role in channels.keys() & _HELD:
+        known = channels[role][np.isfinite(channels[role])]
+        if len(channels[role]) == 1 or len(known) == 1:  # One value applies to all samples.
+            channels[role] = np.full(samples, [*known, np.nan][0])
     if stated is not None and len(stated) > 1:
-        return channels, stated, one
+        return channels, stated, interpolated, findings
     # A time column with a single number states the sampling interval.
     step = sampling_step(table, chosen, place) if stated is None else float(stated[0])
-    return channels, np.arange(samples, dtype=np.float64) * step, one
+    return channels, np.arange(samples, dtype=np.float64) * step, interpolated, findings
 
 
 def _make_recordings(
-    pieces: Sequence[tuple[Piece, str]], chosen: ChannelMap, file: Path, own_name: str
+    pieces: Sequence[Piece], chosen: ChannelMap, file: Path, own_name: str
 ) -> tuple[tuple[Recording, ...], tuple[Finding, ...], tuple[Inference, ...], tuple[Moment | None, ...]]:
     """Return the recordings from the pieces of a file, with findings, inferences and starts.
 
@@ -278,7 +255,7 @@ def _make_recordings(
     findings: list[Finding] = []
     inferred: list[Inference] = []
     starts: list[Moment | None] = []
-    for (piece, role), name in zip(pieces, names, strict=True):
+    for piece, name in zip(pieces, names, strict=True):
         zero = float(piece.time[0]) if len(pieces) > 1 or chosen.segments else 0.0
         start = None if piece.start is None else piece.start.later(zero)
         whole = filled(evened(without_repeated_end(replace(piece, time=piece.time - zero))))
@@ -286,31 +263,33 @@ def _make_recordings(
         for number, each in enumerate(parts, 1):
             part = each if "displacement" in each.channels else integrated(each)
             run = f"{name}_{number}" if len(parts) > 1 else name
-            recordings.append(_recording(part, run, COMMAND_UNITS[role], chosen.session or stem, file))
+            recordings.append(_recording(part, run, chosen.session or stem, file))
             starts.append(start)
             findings += [replace(finding, run=run) for finding in part.findings]
             inferred += [Inference(run, *told) for told in part.told]
     return tuple(recordings), tuple(findings), tuple(inferred), tuple(starts)
 
 
-def _recording(piece: Piece, name: str, unit: CommandUnit, session: str, file: Path) -> Recording:
+def _recording(piece: Piece, name: str, session: str, file: Path) -> Recording:
     for values in (piece.time, *piece.channels.values()):
         if values.base is None:
             values.setflags(write=False)  # The recording shares the array.
     channels: dict[str, Any] = {role: piece.channels.get(role) for role in CHANNELS if role != "time"}
     source = printable(str(file))
-    return Recording(name, piece.time, **channels, command_unit=unit, session=session, source=source)
+    return Recording(
+        name, piece.time, **channels, command_unit=piece.command_unit, session=session, source=source
+    )
 
 
-def _names(pieces: Sequence[tuple[Piece, str]], chosen: ChannelMap, stem: str) -> list[str]:
+def _names(pieces: Sequence[Piece], chosen: ChannelMap, stem: str) -> list[str]:
     """Return the names of runs: the file name, and command, title or number if needed."""
     if len(pieces) == 1 and chosen.segments is None:
         return [stem]
-    titles = [piece.title for piece, _ in pieces]
+    titles = [piece.title for piece in pieces]
     if chosen.segments is not None or all(
-        piece.told and piece.told[0][0] in COMMAND_UNITS for piece, _ in pieces
+        piece.told and piece.told[0][0] in COMMAND_UNITS for piece in pieces
     ):
-        ends = [f"{piece.channels['command'][0]:.2f}{COMMAND_UNITS[role]}" for piece, role in pieces]
+        ends = [f"{piece.channels['command'][0]:.2f}{piece.command_unit}" for piece in pieces]
     elif len(set(titles)) == len(titles):
         ends = titles
     else:

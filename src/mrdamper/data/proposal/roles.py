@@ -29,13 +29,17 @@ from mrdamper.data.proposal.clocks import (
 from mrdamper.data.proposal.column import (
     Column,
     Header,
+    column_list,
     header_of,
     headers_of,
     meant_without_unit,
+    no_column,
+    no_scale,
+    no_unit,
     other_unit,
 )
+from mrdamper.data.proposal.commands import command_shares
 from mrdamper.data.proposal.questions import ask, ask_all
-from mrdamper.data.proposal.refusals import column_list, command_shares, no_column, no_scale, no_unit
 from mrdamper.data.words.headers import (
     has_word,
     is_per_cent,
@@ -64,7 +68,10 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
         own_time = fastest_time(table, [column.name for column in columns]) if role == "time" else None
         try:
             if own_time is not None and chosen.channel("time").find(table.names, place) is None:
-                column: Column | None = _time_of_clock(table, own_time, chosen, place)
+                unit = chosen.channel("time").unit or header_of(table, own_time).unit
+                if not unit:
+                    raise no_unit("time", place, own_time)
+                column: Column | None = Column("time", own_time, unit, "clock")
             else:
                 column = column_of(role, table, headers, chosen, place)
             if column is not None and column.source not in {"map", "clock"}:
@@ -103,14 +110,6 @@ def _unclear_factor(column: Column, factor: float, place: str) -> InputError:
     return ask(column.role, "scale", place, found, (applied, raw))
 
 
-def _time_of_clock(table: Table, name: str, chosen: ChannelMap, place: str) -> Column:
-    """Return the time column of a clock. The user may have to state its unit."""
-    unit = chosen.channel("time").unit or header_of(table, name).unit
-    if not unit:
-        raise no_unit("time", place, name)
-    return Column("time", name, unit, "clock")
-
-
 def column_of(
     role: str, table: Table, headers: Sequence[Header], chosen: ChannelMap, place: str
 ) -> Column | None:
@@ -118,7 +117,7 @@ def column_of(
     channel = chosen.channel(role)
     position = channel.find(table.names, place)
     if position is not None:
-        return _column_of_map(table, channel, table.names[position], headers, place)
+        return _column_of_map(table, channel, table.names[position], place)
     if role == "time" and chosen.rate_Hz is None and table.step_s is None:
         # If the first and the last time stamp are equal, the column repeats the start time of the record.
         stamps = [name for name in table.stamps if table.columns[name][0] != table.columns[name][-1]]
@@ -139,19 +138,13 @@ def column_of(
     return _column_without_unit(role, table, headers, chosen, place)
 
 
-def _column_of_map(
-    table: Table, channel: Channel, name: str, headers: Sequence[Header], place: str
-) -> Column:
-    role = channel.role
-    if name in table.texts:
-        raise InputError(place=place, found=f"channel.{role}: column {name!r} holds text", expected="numbers")
-    if name in table.stamps and role != "time":
-        raise InputError(
-            place=place, found=f"channel.{role}: column {name!r} holds times", expected="numbers"
-        )
-    header = next((each for each in headers if each.name == name), None)
-    stated = "s" if name in table.stamps else table.units.get(name, "")
-    unit = channel.unit or (header.unit if header else "") or stated or unit_in_brackets(name)
+def _column_of_map(table: Table, channel: Channel, name: str, place: str) -> Column:
+    role, is_moment = channel.role, name in table.stamps
+    if name in table.texts or (is_moment and role != "time"):
+        found = f"channel.{role}: column {name!r} holds {'times' if is_moment else 'text'}"
+        raise InputError(place=place, found=found, expected="numbers")
+    stated = "s" if is_moment else header_of(table, name).unit or table.units.get(name, "")
+    unit = channel.unit or stated or unit_in_brackets(name)
     if not unit and role != "time":
         raise no_unit(role, place, name)
     return Column(role, name, unit, "map")

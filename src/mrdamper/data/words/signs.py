@@ -10,21 +10,20 @@ from collections.abc import Iterable, Mapping
 
 from mrdamper.data.words.headers import speaks_of
 
-_ROLES = ("displacement", "force")
+_MOTION, _FORCE = ("displacement",), ("force",)
+_ROLES = (*_MOTION, *_FORCE)
 _POLARITIES = {
     1: re.compile(r"\bposit|\bkladn|\bdodat|\bполож|正", re.IGNORECASE),
     -1: re.compile(r"\bnegat|\bz[áa]porn|\bujemn|\bотриц|负|負", re.IGNORECASE),
 }
 # (sign, roles) -> words of a direction. "Retracted" applies to displacement, "tension" to force.
 _DIRECTIONS = {
-    (1, _ROLES[:1]): r"exten[ds]|extensi|estension|ausfahr|ausfeder|roztaž|wysu[wn]|выдви|伸",
-    (
-        1,
-        _ROLES[1:],
-    ): r"tension\b|tensile|tra[çc][cç]?[aãi]|traction|trazion|zug|tah\b|rozciąg|pull|растяг|растяж|拉|引張",
+    (1, _MOTION): r"exten[ds]|extensi|estension|ausfahr|ausfeder|roztaž|wysu[wn]|выдви|伸",
+    (1, _FORCE): r"tension\b|tensile|tra[çc][cç]?[aãi]|traction|trazion|zug|tah\b|rozciąg|pull|растяг|растяж"
+    r"|拉|引張",
     (1, _ROLES): r"rebound",
-    (-1, _ROLES[:1]): r"retract|einfahr|einfeder|zasun|wsu[wn]|втяг",
-    (-1, _ROLES[1:]): r"druck|tlak|push|thrust",
+    (-1, _MOTION): r"retract|einfahr|einfeder|zasun|wsu[wn]|втяг",
+    (-1, _FORCE): r"druck|tlak|push|thrust",
     (-1, _ROLES): r"compress|compres|kompres|stlač|ścisk|stauch|jounce|bump|сжат|压|圧縮",
 }
 _DIRECTION_FORMS = {

@@ -1,4 +1,4 @@
-"""Temperature logs of a separate, slow logger. They are assigned to runs by date and time of day.
+"""Joins of files: one file for each channel of a run, and temperature logs of a separate, slow logger.
 
 A run gets the temperature of a log if exactly one log covers the run. Times are compared only if run and log
 state a date, because a log without a date may be from a different day.
@@ -6,8 +6,10 @@ state a date, because a log without a date may be from a different day.
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -17,20 +19,133 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import Finding
-from mrdamper.data.formats.table import Moment, Table
-from mrdamper.data.proposal.clocks import increases, start_of, unit_by_magnitude
-from mrdamper.data.proposal.column import Header, headers_of
+from mrdamper.data.formats.clocks import with_times
+from mrdamper.data.formats.table import Moment, Table, distinct_names
+from mrdamper.data.proposal.clocks import increases, sampling_step, start_of, unit_by_magnitude
+from mrdamper.data.proposal.column import Header, explained, header_of, headers_of
+from mrdamper.data.proposal.documents import Document
 from mrdamper.data.proposal.questions import Answer, with_answers
-from mrdamper.data.proposal.recordings import RigFile
-from mrdamper.data.proposal.roles import column_of
+from mrdamper.data.proposal.recordings import RigFile, runs_in
+from mrdamper.data.proposal.roles import column_of, scaled_column
+from mrdamper.data.proposal.side_by_side import is_counter
 from mrdamper.data.records import GAP_MIN_STEPS, Recording
 from mrdamper.data.tables import read_tables
-from mrdamper.data.words.headers import has_word
+from mrdamper.data.words.headers import has_word, strip_channel
+from mrdamper.data.words.labels import rates_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, to_si
 
+_NEEDED = frozenset({"displacement", "force"})
+_TOKEN = re.compile(r"[\W_]*(?:\d+|[^\W\d_]+)")  # A number or a word of a file name.
 _STEP_MAX_S = 3600.0  # A log with a longer step has no value during a run.
 _OF_RUNS = frozenset({"displacement", "velocity", "force"})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _ChannelFile:
+    """A file with one channel."""
+
+    path: Path
+    role: str
+    column: str
+    table: Table
+    times: FloatArray  # [s]
+
+
+def join_channel_files(
+    files: Sequence[Path], chosen: ChannelMap, answers: Sequence[Answer], documents: Sequence[Document] = ()
+) -> tuple[list[tuple[Path, RigFile]], set[Path]]:
+    """Return the runs that are stored as one file per channel, and the files of these runs.
+
+    The names of a run's files are equal except for the name of the channel, or a folder has only the files of
+    one run.
+    """
+    tables: dict[Path, Table] = {}
+    for path in files:
+        with suppress(InputError, ValueError):
+            (tables[path],) = read_tables(path, chosen.file)
+    folders: dict[Path, list[_ChannelFile]] = {}
+    for path, table in tables.items():
+        with suppress(InputError, ValueError, IndexError):
+            # A short file of another channel states only its own sampling rate.
+            notes = [line for each in documents if each.path not in tables for line in each.notes(path)]
+            channel = _channel_of(explained(table, notes), chosen, path)
+            folders.setdefault(path.parent, []).append(channel)
+    joined: list[tuple[Path, RigFile]] = []
+    members: set[Path] = set()
+    for folder, channels in folders.items():
+        for rest, group in _runs_of(channels).items():
+            name = rest or folder.name
+            place = folder / name
+            own = [channel.path for channel in group]
+            stated = {each: None for document in documents for path in own for each in document.places(path)}
+            with suppress(InputError):
+                chosen_now = with_answers(chosen, answers, place)
+                run = runs_in((_join_channels(group),), chosen_now, place, name=name, stated=[*stated])
+                joined.append((place, run))
+                members |= {*own}
+    return joined, members
+
+
+def _runs_of(channels: Sequence[_ChannelFile]) -> dict[str, list[_ChannelFile]]:
+    """Return the files of each run in a folder, by a common part of the file names.
+
+    The common part is the name without the channel word, or the beginning or the end of the name. It is "" if
+    all files belong to one run. The part that assigns most files to runs is chosen.
+    """
+    names = {channel.path: _TOKEN.findall(channel.path.stem) for channel in channels}
+    counts = range(1, max(map(len, names.values())))
+    ways = [{path: strip_channel(path.stem) for path in names}]
+    ways += [{path: "".join(words[:k]) for path, words in names.items()} for k in counts]
+    ways += [{path: "".join(words[-k:]).lstrip("_-. ") for path, words in names.items()} for k in counts]
+    ways += [dict.fromkeys(names, "")]
+    best: dict[str, list[_ChannelFile]] = {}
+    for way in ways:
+        groups: dict[str, list[_ChannelFile]] = {}
+        for channel in channels:
+            groups.setdefault(way[channel.path], []).append(channel)
+        roles = {run: [each.role for each in group] for run, group in groups.items()}
+        runs = {
+            run: groups[run] for run, own in roles.items() if len({*own}) == len(own) and {*own} >= _NEEDED
+        }
+        if sum(map(len, runs.values())) > sum(map(len, best.values())):
+            best = runs
+    return best
+
+
+def _channel_of(table: Table, chosen: ChannelMap, path: Path) -> _ChannelFile:
+    """Return the only channel of a table. Columns of times and of sample numbers are no channels.
+
+    Raise ValueError if there is not exactly one channel, IndexError if its role is unknown, InputError if it
+    has no times.
+    """
+    headers = [header_of(table, name) for name in table.columns]
+    times = [each for each in headers if "time" in each.of_unit]
+    (channel,) = [each for each in headers if each not in times and not is_counter(table.columns[each.name])]
+    if times:
+        own = to_si(table.columns[times[0].name], times[0].unit, "time")
+    else:
+        own = np.arange(table.rows, dtype=np.float64) * sampling_step(table, chosen, path.name)
+    scaled = [role for role in QUANTITIES if scaled_column(role, table, headers) is not None]
+    return _ChannelFile(path, (scaled or channel.of_unit)[0], channel.name, table, own)
+
+
+def _join_channels(parts: Sequence[_ChannelFile]) -> Table:
+    """Return one table of the channels; each channel keeps its time column."""
+    first = parts[0].table
+    named = dict(zip(distinct_names([part.column for part in parts]), parts, strict=True))
+    whole = replace(
+        first,
+        names=(*named,),
+        columns={name: part.table.columns[part.column] for name, part in named.items()},
+        units={name: part.table.units.get(part.column, "") for name, part in named.items()},
+        # The times of each channel are known, and the files may state different rates.
+        said=tuple(dict.fromkeys(line for each in parts for line in each.table.said if not rates_in([line]))),
+        step_s=None,
+        rows=max(part.table.rows for part in parts),
+        layout=replace(first.layout, notes=(*first.layout.notes, f"{len(parts)} files of one channel each")),
+    )
+    return with_times(whole, {name: part.times for name, part in named.items()})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,8 +275,9 @@ def _temperature_of(run: Run, log: _Log, runs: Sequence[Run]) -> FloatArray:
         raise InputError(found="several runs state the same start time")
     if start.is_utc != log.start.is_utc:
         raise InputError(found="only one of runs and log states UTC, the other local time of an unknown zone")
-    for reading in ("day_first_s", "month_first_s"):
-        time = recording.time + getattr(start, reading) - getattr(log.start, reading)
+    day_first = start.day_first_s, log.start.day_first_s
+    for of_run_s, of_log_s in (day_first, (start.month_first_s, log.start.month_first_s)):
+        time = recording.time + of_run_s - of_log_s
         if _is_covered(time, log.time):
             return np.interp(time, log.time, log.temperature)
     raise InputError(found=f"its times do not cover {path.name}")
