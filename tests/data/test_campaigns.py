@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 from mrdamper.data.diagnosis.campaign import compare
-from mrdamper.data.diagnosis.declared import find_against_names, find_odd_siblings
-from mrdamper.data.diagnosis.plausible import find_implausible_damper
+from mrdamper.data.diagnosis.declared import (
+    find_against_names,
+    find_implausible_damper,
+    find_odd_siblings,
+)
 from mrdamper.data.records import Recording, RigRun
 from mrdamper.excitation import Sine
 from mrdamper.quantities import ZERO_CELSIUS_K

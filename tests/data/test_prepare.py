@@ -21,7 +21,7 @@ NOISY: dict[str, Any] = {"noise": 1.5e-6, "quantum": 3e-6}
 def test_smoothing_does_not_change_clean_motion():
     prepared = prepare_run(make_run(SINE))
     path = prepared.trajectory
-    assert prepared.rules.cutoff_Hz == pytest.approx(500.0)
+    assert prepared.cutoff_Hz == pytest.approx(500.0)
     assert path.step == pytest.approx(1e-3)
     assert path.displacement == pytest.approx(SINE.displacement(path.time), abs=1e-9)
     assert path.velocity == pytest.approx(SINE.velocity(path.time), abs=1e-4 * 0.126)
@@ -33,7 +33,7 @@ def test_smoothing_preserves_noisy_motion():
     prepared = prepare_run(make_run(SINE, rest=0.3, **NOISY))
     since = np.maximum(prepared.trajectory.time - 0.3, 0.0)
     moving = prepared.trajectory.time > 0.4  # Smoothing rounds the velocity jump at 0.3 s.
-    assert 10.0 < prepared.rules.cutoff_Hz < 250.0
+    assert 10.0 < prepared.cutoff_Hz < 250.0
     assert np.std(prepared.trajectory.velocity[moving] - SINE.velocity(since)[moving]) < 0.6e-3
     assert np.std(prepared.trajectory.velocity[:250]) < 0.6e-3
 

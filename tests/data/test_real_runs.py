@@ -73,7 +73,7 @@ def test_smoothing_removes_only_sensor_noise(dev):
         assert 1.2e-6 < np.std(taken) < 2.4e-6
         following = np.mean(taken[1:] * taken[:-1]) / np.var(taken)
         assert abs(following) < 0.25
-        assert prepared.rules.dead_band_m < 5e-6
+        assert prepared.trajectory.dead_band < 5e-6
 
 
 def test_smoothed_velocity_at_rest_is_quiet(dev):

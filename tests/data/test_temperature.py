@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.conditioning import condition_temperature
+from mrdamper.data.signals import condition_temperature
 
 
 def times(duration: float, rate: float = 200.0) -> FloatArray:

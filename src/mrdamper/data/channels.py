@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
 from types import MappingProxyType
@@ -23,7 +23,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.table import FileOptions
 from mrdamper.errors import InputError
 from mrdamper.files import read_toml
-from mrdamper.quantities import QUANTITIES, find_quantity, spell_unit, to_si
+from mrdamper.quantities import QUANTITIES, find_quantity, is_unit, spell_unit, to_si
 from mrdamper.schema import read_record, unknown_name
 
 COMMANDS = ("current", "voltage")  # roles of the command of a damper
@@ -56,47 +56,39 @@ class Channel(ChannelTable):
 
     def __post_init__(self) -> None:
         quantity = find_quantity(self.role)
+        place = f"channel.{self.role}"
         given = [key for key in ("name", "pattern", "index") if getattr(self, key) is not None]
         if len(given) > 1:
-            raise InputError(
-                place=f"channel.{self.role}", found=f"{' and '.join(given)} are given; give one of them"
-            )
+            raise InputError(place=place, found=f"{' and '.join(given)} are given; give one of them")
         if self.sign not in {1, -1}:
-            raise InputError(place=f"channel.{self.role}", found=f"sign is {self.sign}", expected="1 or -1")
-        if self.gain is not None and not (math.isfinite(self.gain) and self.gain != 0.0):
+            raise InputError(place=place, found=f"sign is {self.sign}", expected="1 or -1")
+        if self.gain is None:
+            return
+        if not (math.isfinite(self.gain) and self.gain != 0.0):
             found = f"gain is {self.gain}"
-            raise InputError(place=f"channel.{self.role}", found=found, expected="a finite number, not zero")
-        if self.gain is not None and self.unit and spell_unit(self.unit, self.role) != quantity.unit:
-            try:
-                to_si(0.0, self.unit, self.role)
-            except InputError:
-                return
-            raise InputError(
-                place=f"channel.{self.role}",
-                found=f"a gain to {quantity.unit} and {self.unit!r}, a unit of {self.role}",
-                remedy=f"Leave the gain out, or give unit {quantity.unit!r}",
-            )
+            raise InputError(place=place, found=found, expected="a finite number, not zero")
+        if spell_unit(self.unit, self.role) != quantity.unit and is_unit(self.unit, [self.role]):
+            found = f"a gain to {quantity.unit} and {self.unit!r}, a unit of {self.role}"
+            remedy = f"Leave the gain out, or give unit {quantity.unit!r}"
+            raise InputError(place=place, found=found, remedy=remedy)
 
     def find(self, names: Sequence[str], place: str) -> int | None:
         """Return the index (from 0) of the column that the map states, None if it states no column."""
         where = f"{place}: channel.{self.role}"
         if self.index is not None:
             if not 1 <= self.index <= len(names):
-                raise InputError(
-                    place=where, found=f"index is {self.index}", expected=f"1 to {len(names)}, counted from 1"
-                )
+                expected = f"1 to {len(names)}, counted from 1"
+                raise InputError(place=where, found=f"index is {self.index}", expected=expected)
             return self.index - 1
-        wanted = self.name if self.name is not None else self.pattern
-        if wanted is None:
-            return None
         if self.name is not None:
-            found = [k for k, name in enumerate(names) if name == wanted]
+            wanted, found = self.name, [k for k, name in enumerate(names) if name == self.name]
+        elif self.pattern is not None:
+            wanted, found = self.pattern, [k for k, x in enumerate(names) if fnmatchcase(x, self.pattern)]
         else:
-            found = [k for k, name in enumerate(names) if fnmatchcase(name, wanted)]
+            return None
         if len(found) > 1:
-            raise InputError(
-                place=where, found=f"{wanted!r} is {len(found)} columns", remedy="Give its index"
-            )
+            found_words = f"{wanted!r} is {len(found)} columns"
+            raise InputError(place=where, found=found_words, remedy="Give its index")
         if not found:
             raise unknown_name(f"no column {wanted!r}", wanted, map(repr, names), where)
         return found[0]
@@ -125,17 +117,6 @@ class Segments:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Roles:
-    time: ChannelTable | None = None
-    displacement: ChannelTable | None = None
-    velocity: ChannelTable | None = None
-    force: ChannelTable | None = None
-    current: ChannelTable | None = None
-    voltage: ChannelTable | None = None
-    temperature: ChannelTable | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class _Session:
     name: str = ""
     """Runs with the same session name have the same zero (tare) of the load cell."""
@@ -145,7 +126,7 @@ class _Session:
 class _Document:
     """The content of a channel map file."""
 
-    channel: _Roles = field(default_factory=_Roles)
+    channel: Mapping[str, ChannelTable] = field(default_factory=dict)
     constant: Mapping[str, float] = field(default_factory=dict)
     """Constant values. A key is a quantity with its unit (``current_A``), or ``rate_Hz``."""
     segments: Mapping[str, Any] | None = None
@@ -172,31 +153,29 @@ class ChannelMap:
         Raise InputError with one line for each fault. The line on an unknown key names the nearest valid key.
         """
         document = read_record(_Document, given, place)
-        channels = {}
-        for role in fields(_Roles):
-            table: ChannelTable | None = getattr(document.channel, role.name)
-            if table is not None:
-                values: dict[str, Any] = {each.name: getattr(table, each.name) for each in fields(table)}
-                try:
-                    channels[role.name] = Channel(role.name, **values)
-                except InputError as error:
-                    raise InputError(place=place, found=f"{error}") from error
-        constant, rate = {}, None
-        for key, value in document.constant.items():
-            if key == "rate_Hz":
-                rate = value
-                if not rate > 0.0:
-                    raise InputError(
-                        place=place, found=f"constant.{key} is {rate:g}", expected="a positive number"
-                    )
-                continue
-            role_of, unit = _quantity_unit(key, f"{place}: constant", (*COMMANDS, "temperature"))
-            constant[role_of] = _to_si(value, unit, role_of, f"{place}: constant.{key}")
+        try:
+            return cls._from_document(document)
+        except InputError as error:
+            raise error.prepend_place(place) from None
+
+    @classmethod
+    def _from_document(cls, document: _Document) -> ChannelMap:
+        for role in document.channel:
+            if role not in QUANTITIES:
+                raise unknown_name(f"channel has no key {role!r}", role, QUANTITIES)
+        channels = {role: Channel(role, **asdict(table)) for role, table in document.channel.items()}
+        constant = dict(document.constant)
+        rate = constant.pop("rate_Hz", None)
+        if rate is not None and not rate > 0.0:
+            raise InputError(f"constant.rate_Hz is {rate:g}", expected="a positive number")
+        values = (
+            _in_si(key, value, "constant", (*COMMANDS, "temperature")) for key, value in constant.items()
+        )
         return cls(
             MappingProxyType(channels),
-            MappingProxyType(constant),
+            MappingProxyType({role: float(value) for role, value in values}),
             rate,
-            None if document.segments is None else _segments(document.segments, place),
+            None if document.segments is None else _segments(document.segments),
             document.session.name,
             document.file,
         )
@@ -211,44 +190,31 @@ def read_channel_map(path: str | Path) -> ChannelMap:
     return ChannelMap.from_dict(read_toml(path, "channel map"), Path(path).name)
 
 
-def _quantity_unit(key: str, place: str, roles: Sequence[str]) -> tuple[str, str]:
-    """Return role and unit of a key such as voltage_V."""
+def _in_si(key: str, values: Any, table: str, roles: Sequence[str]) -> tuple[str, FloatArray]:  # noqa: ANN401
+    """Return the role of a key such as ``voltage_V``, and its numbers in SI."""
     role, _, unit = key.partition("_")
     if role not in roles or not unit:
         known = [f"{role}_{QUANTITIES[role].unit}" for role in roles]
-        raise unknown_name(f"{place} has no key {key!r}", key, known)
-    return role, unit
-
-
-def _segments(table: Mapping[str, Any], place: str) -> Segments:
-    where = f"{place}: segments"
-    split = table.get("split")
-    if not isinstance(split, str) or not split:
-        raise InputError(
-            found=f"{where}.split is {split!r}", expected="the text that begins a new test ('Resume')"
-        )
-    lists = [key for key in table if key != "split"]
-    if len(lists) != 1:
-        found = ", ".join(lists) or "no command"
-        raise InputError(place=where, found=found, expected="one list, current_A or voltage_V")
-    role, unit = _quantity_unit(lists[0], where, COMMANDS)
-    values = table[lists[0]]
-    if not isinstance(values, list) or not values:
-        raise InputError(
-            found=f"{where}.{lists[0]} is {values!r}", expected="a list with the command of each test"
-        )
-    numbers = (_number(value, f"{where}.{lists[0]}") for value in values)
-    return Segments(split, role, tuple(_to_si(number, unit, role, where) for number in numbers))
-
-
-def _number(value: object, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise InputError(found=f"{where} is {value!r}", expected="a finite number")
-    return float(value)
-
-
-def _to_si(value: float, unit: str, role: str, where: str) -> float:
+        raise unknown_name(f"{table} has no key {key!r}", key, known)
     try:
-        return float(to_si(value, unit, role))
+        return role, to_si(values, unit, role)
     except InputError as error:
-        raise InputError(place=where, found=f"{error}") from error
+        raise error.prepend_place(f"{table}.{key}") from None
+
+
+def _segments(table: Mapping[str, Any]) -> Segments:
+    commands = dict(table)
+    split = commands.pop("split", None)
+    if not isinstance(split, str) or not split:
+        expected = "the text that begins a new test ('Resume')"
+        raise InputError(f"segments.split is {split!r}", expected=expected)
+    if len(commands) != 1:
+        found = ", ".join(commands) or "no command"
+        raise InputError(place="segments", found=found, expected="one list, current_A or voltage_V")
+    ((key, values),) = commands.items()
+    is_list = isinstance(values, list) and values and all(type(each) in {int, float} for each in values)
+    if not is_list or not np.isfinite(values).all():
+        expected = "a list with the command of each test, finite numbers"
+        raise InputError(f"segments.{key} is {values!r}", expected=expected)
+    role, numbers = _in_si(key, values, "segments", COMMANDS)
+    return Segments(split, role, tuple(numbers.tolist()))

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from mrdamper.arrays import rms
 from mrdamper.data.records import CHANNELS, Dataset, RigRun, command_slack
 
 _SEAM_STEPS_MAX = 2.5  # Max time [steps] from the last sample of a part to the first of the next.
@@ -48,11 +49,11 @@ def _has_same_settings(run: RigRun, previous: RigRun) -> bool:
     """Return True if the runs are from different files with the same channels, command and temperature."""
     if run.source and run.source == previous.source:
         return False
-    settings = [(each.command_unit, each.session, each.velocity is None) for each in (run, previous)]
-    commands = run.constant_command, previous.constant_command
-    if settings[0] != settings[1] or commands[0] is None or commands[1] is None:
+    settings = {(each.command_unit, each.session, each.velocity is None) for each in (run, previous)}
+    command, previous_command = run.constant_command, previous.constant_command
+    if len(settings) > 1 or command is None or previous_command is None:
         return False
-    if abs(commands[0] - commands[1]) > command_slack(commands[0]):
+    if abs(command - previous_command) > command_slack(command):
         return False
     if run.temperature is None or previous.temperature is None:
         return run.temperature is previous.temperature
@@ -63,15 +64,10 @@ def _has_same_motion(run: RigRun, previous: RigRun) -> bool:
     """Return True if displacement continues without a jump, and rms displacement and speed are similar."""
     steps_m = [np.abs(np.diff(each.displacement)) for each in (previous, run)]
     seam_m = abs(float(run.displacement[0] - previous.displacement[-1]))
-    return (
-        seam_m <= _SEAM_STEPS_MAX * max(float(each.max()) for each in steps_m)
-        and _similar(float(np.std(run.displacement)), float(np.std(previous.displacement)))
-        and _similar(*(float(np.sqrt(np.mean(np.square(each)))) for each in steps_m))
+    rms_values = [rms(each) for each in steps_m], [np.std(each.displacement) for each in (previous, run)]
+    return seam_m <= _SEAM_STEPS_MAX * max(float(each.max()) for each in steps_m) and all(
+        max(pair) <= _RMS_RATIO_MAX * min(pair) for pair in rms_values
     )
-
-
-def _similar(first: float, second: float) -> bool:
-    return max(first, second) <= _RMS_RATIO_MAX * min(first, second)
 
 
 def _join(parts: Sequence[RigRun]) -> RigRun:
@@ -79,9 +75,8 @@ def _join(parts: Sequence[RigRun]) -> RigRun:
     kept = [parts[0]]
     for part in parts[1:]:
         kept.append(part.between(float(np.nextafter(kept[-1].time[-1], np.inf)), None))
+    channels = [name for name in CHANNELS if getattr(parts[0], name) is not None]
     columns: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in kept])
-        for name in CHANNELS
-        if getattr(parts[0], name) is not None
+        name: np.concatenate([getattr(part, name) for part in kept]) for name in channels
     }
     return replace(parts[0], **columns)

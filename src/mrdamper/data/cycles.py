@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,8 +71,7 @@ class CycleFigures:
         return cls(**{n: np.concatenate([e, *(getattr(part, n) for part in parts)]) for n, e in none.items()})
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CountedRecord:
+class CountedRecord(NamedTuple):
     """The cycles of a measured record. The record may have missing rows and time gaps (breaks)."""
 
     figures: CycleFigures
@@ -85,7 +85,7 @@ def cycles(prepared: PreparedRun) -> CycleFigures:
     A reversal below 5 % of the range of displacement, or below the dead band, does not begin a cycle.
     """
     path = prepared.trajectory
-    stroke_min_m = max(REVERSAL_MIN_RATIO * float(np.ptp(path.displacement)), prepared.rules.dead_band_m)
+    stroke_min_m = max(REVERSAL_MIN_RATIO * float(np.ptp(path.displacement)), path.dead_band)
     found = _count(path.time, path.displacement, prepared.force, path.command, path.temperature, stroke_min_m)
     return found.where(found.row >= prepared.scored_from)
 
@@ -99,22 +99,21 @@ def count_record(run: Recording, stroke_min_m: float | None = None) -> CountedRe
     """
     if stroke_min_m is None:
         known = run.displacement[np.isfinite(run.displacement)]
-        low, high = (
-            np.percentile(known, [OUTLIERS_PERCENT, 100.0 - OUTLIERS_PERCENT]) if len(known) else (0, 0)
-        )
-        stroke_min_m = max(REVERSAL_MIN_RATIO * float(high - low), STROKE_MIN_m)
-    parts, segments = [], unbroken_segments(run)
-    channels = (run.time, run.displacement, run.force, run.command)
-    for rows in segments:
-        temperature = None if run.temperature is None else run.temperature[rows]
-        time, x, force, command = (values[rows] for values in channels)
+        ends = [OUTLIERS_PERCENT, 100.0 - OUTLIERS_PERCENT]
+        range_m = float(np.ptp(np.percentile(known, ends))) if len(known) else 0.0
+        stroke_min_m = max(REVERSAL_MIN_RATIO * range_m, STROKE_MIN_m)
+    parts, segments = [], _unbroken_segments(run)
+    for first, stop in segments:
+        channels = (run.time, run.displacement, run.force, run.command)
+        time, x, force, command = (values[first:stop] for values in channels)
+        temperature = None if run.temperature is None else run.temperature[first:stop]
         found = _count(time, x, force, command, temperature, stroke_min_m)
-        parts.append(replace(found, row=found.row + rows.start))
+        parts.append(replace(found, row=found.row + first))
     return CountedRecord(CycleFigures.concatenate(parts), stroke_min_m, max(len(segments) - 1, 0))
 
 
-def unbroken_segments(run: Recording) -> list[slice]:
-    """Return the row indices of each part of a record that has only valid rows and no time gap."""
+def _unbroken_segments(run: Recording) -> list[tuple[int, int]]:
+    """Return the row indices (first, last + 1) of each part that has only valid rows and no time gap."""
     valid = np.isfinite(run.time)
     for values, role in (
         (run.displacement, "displacement"),
@@ -127,8 +126,13 @@ def unbroken_segments(run: Recording) -> list[slice]:
     if not len(forward):
         return []
     goes_on = valid[:-1] & valid[1:] & (steps > 0.0) & (steps <= GAP_MIN_STEPS * float(np.median(forward)))
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], goes_on, [False]]).astype(np.int8))).tolist()
-    return [slice(first, last + 1) for first, last in zip(edges[0::2], edges[1::2], strict=True)]
+    return [(first, stop + 1) for first, stop in true_segments(goes_on)]
+
+
+def true_segments(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return (first, last + 1) of each group of consecutive flags that are True."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
+    return list(zip(edges[0::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _count(
@@ -151,11 +155,8 @@ def _count(
     def sums(values: FloatArray) -> FloatArray:
         return np.add.reduceat(values[:stop], a)
 
-    def highest(values: FloatArray) -> FloatArray:
-        return np.maximum(np.maximum.reduceat(values[:stop], a), values[b])
-
-    def lowest(values: FloatArray) -> FloatArray:
-        return np.minimum(np.minimum.reduceat(values[:stop], a), values[b])
+    def extremes(values: FloatArray) -> list[FloatArray]:
+        return [func(func.reduceat(values[:stop], a), values[b]) for func in (np.minimum, np.maximum)]
 
     mean_temperature = np.full(len(n), math.nan)
     if temperature is not None:
@@ -163,15 +164,16 @@ def _count(
         with np.errstate(invalid="ignore"):
             mean_temperature = sums(np.where(known, temperature, 0.0)) / sums(known.astype(np.float64))
     ends = 0.5 * (force[a] + force[b])
+    (x_min, x_max), (force_min, force_max) = extremes(x), extremes(force)
     return CycleFigures(
         row=a.astype(np.int64),
         start_s=time[a],
         period_s=time[b] - time[a],
-        amplitude_m=0.5 * (highest(x) - lowest(x)),
+        amplitude_m=0.5 * (x_max - x_min),
         energy_J=sums(0.5 * (force[1:] + force[:-1]) * np.diff(x)) + ends * (x[a] - x[b]),
         stiffness_N_per_m=(force[u] - ends) / (x[u] - 0.5 * (x[a] + x[b])),
-        highest_force_N=highest(force),
-        lowest_force_N=lowest(force),
+        highest_force_N=force_max,
+        lowest_force_N=force_min,
         temperature_K=mean_temperature,
         command=sums(command) / n,
         samples=n.astype(np.int64),

@@ -1,13 +1,9 @@
-"""Findings and inferences about runs.
-
-A finding is a fault, a warning or a note about a run, with its location, size, effect on a fit and remedy. An
-inference is a value of a run that was read from words (such as a file name) instead of a column.
-"""
+"""Findings (faults, warnings and notes), and values that were inferred from words."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import KW_ONLY, asdict, dataclass, replace
 from typing import Literal
 
 from mrdamper.quantities import QUANTITIES, to_degC
@@ -18,16 +14,17 @@ SEVERITIES: tuple[Severity, ...] = ("fault", "warning", "note")
 Note: information only."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Finding:
     """One finding. ``found``, ``effect`` and ``remedy`` are for the user, the other fields for scripts."""
 
     kind: str  # A stable name such as "clipped" or "force_sign".
-    severity: Severity = "warning"
-    channel: str = ""  # Role, such as "force"; "" if the finding concerns the whole run.
     found: str
     effect: str  # Effect on a fit.
     remedy: str
+    _: KW_ONLY
+    severity: Severity = "warning"
+    channel: str = ""  # Role, such as "force"; "" if the finding concerns the whole run.
     size: float | None = None  # Size in ``unit``.
     unit: str = ""
     low: float | None = None  # The true size is between ``low`` and ``high``.
@@ -41,11 +38,16 @@ class Finding:
         assert self.size is not None
         return replace(self, low=self.size - 2.0 * error, high=self.size + 2.0 * error)
 
+    def between(self, from_s: float, to_s: float) -> Finding:
+        """Add the time span [s] of the fault."""
+        return replace(self, from_s=float(from_s), to_s=float(to_s))
+
     def to_dict(self) -> Mapping[str, str | float | None]:
         """Return the fields as JSON values."""
         names = {"low": "size_low", "high": "size_high"}
         named = {names.get(key, key): value for key, value in asdict(self).items()}
-        return named | {"channel": self.channel or None, "unit": self.unit or None}
+        order = dict.fromkeys(("kind", "severity", "channel"))
+        return order | named | {"channel": self.channel or None, "unit": self.unit or None}
 
     def in_words(self) -> str:
         """Return the finding as one line."""
@@ -79,17 +81,12 @@ def by_kind(findings: Sequence[Finding]) -> list[tuple[Finding, int]]:
     groups: dict[tuple[str, str, str], list[Finding]] = {}
     for finding in sorted(findings, key=severity_rank):
         groups.setdefault((finding.severity, finding.kind, finding.channel), []).append(finding)
-    return [
-        (max(group, key=lambda finding: abs(finding.size or 0.0)), _run_count(group, copies))
-        for group in groups.values()
-    ]
-
-
-def _run_count(group: Sequence[Finding], copies: Collection[str]) -> int:
-    runs = {finding.run for finding in group if finding.run}
-    if group[0].kind == "duplicate":
-        return len(runs)
-    return len(runs.difference(copies)) or min(len(runs), 1)
+    found = []
+    for (_, kind, _), group in groups.items():
+        runs = {finding.run for finding in group if finding.run}
+        count = len(runs if kind == "duplicate" else runs - copies) or min(len(runs), 1)
+        found.append((max(group, key=lambda finding: abs(finding.size or 0.0)), count))
+    return found
 
 
 def without_repeats(findings: Iterable[Finding]) -> list[Finding]:

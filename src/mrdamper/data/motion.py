@@ -1,12 +1,8 @@
-"""Motion of a run: sine, triangle, chirp, periodic or random, with amplitude and frequency.
-
-The motion is detected from the turning points of the smoothed displacement, not from a file's name. Runs at
-different currents therefore share the label of their motion.
-"""
+"""Motion of a run: sine, triangle, chirp, periodic or random, with amplitude and frequency."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy import fft
@@ -14,14 +10,11 @@ from numpy import fft
 from mrdamper.arrays import FloatArray
 from mrdamper.core import turning_points
 
-REVERSAL_MIN_RATIO = 0.05
-"""A reversal of a smaller fraction of the range of the motion is not a turning point."""
-
+REVERSAL_MIN_RATIO = 0.05  # A smaller reversal / range of the motion is not a turning point.
 _STROKE_DEVIATION_MAX = 0.15  # Equal strokes and durations deviate from their median by less than this.
 
 
-@dataclass(frozen=True, slots=True)
-class MotionFound:
+class MotionFound(NamedTuple):
     """Result of the classification. A motion that is not periodic has no ``period_s``."""
 
     label: str
@@ -30,7 +23,7 @@ class MotionFound:
 
 
 def describe_motion(displacement: FloatArray, step: float) -> MotionFound:
-    """Classify a motion by the turning points of a displacement [m] at a uniform step [s].
+    """Classify a motion by the turning points of a smoothed displacement [m] at a uniform step [s].
 
     - Sine: at least 70 % of the strokes are equal (within 15 % in length and duration). The amplitude is half
       the median stroke. The motion is a triangle if the rms is nearer to the rms of a triangle.
@@ -51,9 +44,8 @@ def describe_motion(displacement: FloatArray, step: float) -> MotionFound:
     durations = np.diff(turns) * step
     half = float(np.median(durations))
     stroke = float(np.median(strokes))
-    alike = (np.abs(durations / half - 1.0) < _STROKE_DEVIATION_MAX) & (
-        np.abs(strokes / stroke - 1.0) < _STROKE_DEVIATION_MAX
-    )
+    deviation = np.maximum(np.abs(durations / half - 1.0), np.abs(strokes / stroke - 1.0))
+    alike = deviation < _STROKE_DEVIATION_MAX
     # The motion is a sine or a triangle if at least 70 % of its strokes are equal.
     if np.count_nonzero(alike) >= 0.7 * len(alike):
         regular = np.flatnonzero(alike)
@@ -71,10 +63,8 @@ def describe_motion(displacement: FloatArray, step: float) -> MotionFound:
     if echo is not None:
         label = f"periodic {_mm(stroke_range / 2)} {_round_number(1.0 / echo)} Hz"
         return MotionFound(label, echo, echo / 2)
-    low, high = velocity_band(np.diff(displacement) / step, step)
-    return MotionFound(
-        f"random {_mm(stroke_range / 2)} {_round_number(low, 0.1)}-{_round_number(high, 0.1)} Hz", None, half
-    )
+    low, high = (_round_number(f, 0.1) for f in velocity_band(np.diff(displacement) / step, step))
+    return MotionFound(f"random {_mm(stroke_range / 2)} {low}-{high} Hz", None, half)
 
 
 def _period_by_autocorrelation(displacement: FloatArray, step: float) -> float | None:
@@ -88,10 +78,7 @@ def _period_by_autocorrelation(displacement: FloatArray, step: float) -> float |
     overlap = np.sqrt(energy[n - lags] * (energy[n] - energy[lags]))
     echo = np.divide(echo, overlap, out=np.zeros_like(echo), where=overlap > 0.0)
     below = np.flatnonzero(echo < 0.5)
-    if not len(below):
-        return None
-    rest = echo[below[0] :]
-    if not rest.max() > 0.9:  # The motion is not periodic.
+    if not len(below) or not (rest := echo[below[0] :]).max() > 0.9:  # The motion is not periodic.
         return None
     near = np.flatnonzero(rest > 0.98 * rest.max())  # The first peak is the period, later ones are multiples.
     first = near[: int(np.argmax(np.diff(near, append=len(echo)) > 1)) + 1]
@@ -106,19 +93,16 @@ def velocity_band(velocity: FloatArray, step: float) -> tuple[float, float]:
     return float(frequency[max(low, 1)]), float(frequency[high])
 
 
-def _two_digits(value: float) -> str:
-    return f"{float(f'{value:.2g}'):g}"
-
-
 def _round_number(value: float, tolerance: float = 0.025) -> str:
     """Round to one digit, or two with a final 5, within ``tolerance``, else to any two."""
     decade = 10.0 ** np.floor(np.log10(value))
     for unit in (decade, 0.5 * decade):
         near = unit * round(value / unit)
         if abs(near / value - 1.0) <= tolerance:
-            return _two_digits(near)
-    return _two_digits(value)
+            value = near
+            break
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def _mm(metres: float) -> str:
-    return f"{_two_digits(1e3 * metres)} mm"
+    return f"{float(f'{1e3 * metres:.2g}'):g} mm"

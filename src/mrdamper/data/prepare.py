@@ -2,8 +2,7 @@
 
 The displacement is smoothed because its derivative drives the model. Without smoothing, displacement steps of
 3 um at 1 kHz would cause errors of +-90 N in a dashpot of 3e4 N s/m. The force is not changed. Settings
-without a value are chosen for each run by the rules of :func:`prepare_run`. The module ``conditioning``
-applies the settings.
+without a value are chosen for each run by the rules of :func:`prepare_run`.
 """
 
 from __future__ import annotations
@@ -17,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray, read_only
-from mrdamper.data.conditioning import Rules, condition_run, sample_uniformly
+from mrdamper.data import signals
 from mrdamper.data.motion import describe_motion
-from mrdamper.data.records import WITHOUT_MOTION, RigRun
-from mrdamper.data.signals import Kinematics, knot_spacing, measure_spectrum, smallest_step, smooth
+from mrdamper.data.records import WITHOUT_MOTION, Recording, RigRun
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.schema import NotNegative, Positive, check_ranges, read_record
@@ -71,19 +69,11 @@ class PreparedRun:
     force: FloatArray  # Measured force [N] on the trajectory's samples.
     scored_from: int  # First sample that counts in an error; earlier samples are a warm-up of the model.
     period_s: float | None  # None: not periodic
-    rules: Rules  # Settings that the preparation used.
+    cutoff_Hz: float  # Cut-off of the smoothing; without smoothing, the Nyquist frequency of the grid.
     motion: str
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "force", read_only(self.force))
-        if self.force.shape != self.trajectory.displacement.shape:
-            raise InputError(
-                place=self.run.name,
-                found=f"force has shape {self.force.shape}, not {self.trajectory.displacement.shape}",
-            )
-        if not 0 <= self.scored_from < len(self.force):
-            found = f"scored from sample {self.scored_from} of {len(self.force)}"
-            raise InputError(place=self.run.name, found=found, expected="a sample of the run")
 
     def __len__(self) -> int:
         return len(self.force)
@@ -121,7 +111,7 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     *Command.* A constant command with sensor noise is replaced by its median (``RigRun.constant_command``).
 
     *Temperature.* Noise is removed: one value for a run with a drift below 1 K, else a smooth curve
-    (``conditioning.condition_temperature``).
+    (``signals.condition_temperature``).
 
     *Sign.* A damper dissipates power. A correlation of force and velocity below -0.05 is an error.
 
@@ -131,45 +121,83 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     chosen = preparation or Preparation()
     if chosen.from_s is not None or chosen.to_s is not None:
         run = run.between(chosen.from_s, chosen.to_s)
-    sampled = sample_uniformly(run)
-    displacement, step = sampled.displacement, sampled.step_s
-    spectrum = measure_spectrum(displacement, step)
+    sampled, step = _sample_uniformly(run)
+    displacement = sampled.displacement
+    spectrum = signals.measure_spectrum(displacement, step)
     if float(np.std(displacement)) < 2.0 * spectrum.noise:  # There is no motion.
-        raise InputError(
-            place=run.name,
-            found=f"displacement has only noise of {spectrum.noise:.2g} m rms and no motion",
-            expected="a motion much larger than the noise",
-            remedy=WITHOUT_MOTION,
-        )
-    spacing = knot_spacing(step, chosen.cutoff_Hz or spectrum.cut_off())
+        found = f"displacement has only noise of {spectrum.noise:.2g} m rms and no motion"
+        expected = "a motion much larger than the noise"
+        raise InputError(place=run.name, found=found, expected=expected, remedy=WITHOUT_MOTION)
+    spacing = signals.knot_spacing(step, chosen.cutoff_Hz or spectrum.cut_off())
     cutoff = 0.5 / (spacing * step)
-    path = smooth(displacement, step, cutoff)
+    path = signals.smooth(displacement, step, cutoff)
     dead_band = chosen.dead_band_m
     if dead_band is None:
-        resolution = min(smallest_step(displacement), math.sqrt(12.0) * spectrum.noise)
+        resolution = min(signals.smallest_step(displacement), math.sqrt(12.0) * spectrum.noise)
         dead_band = max(3.0 * spectrum.noise / math.sqrt(spacing), resolution)
 
     x = path.displacement
     started = int(np.argmax(np.abs(x - x[0]) > 0.02 * np.ptp(x)))
     rest = displacement[: max(1, started // 2)]
+    velocity, acceleration = path.velocity, path.acceleration
     if chosen.velocity == "channel":
-        _check_velocity(run, sampled.velocity, path.velocity)
-    rules = Rules(
-        step_s=step,
-        cutoff_Hz=cutoff,
-        dead_band_m=dead_band,
-        reference_m=_reference(chosen.reference, rest, path, dead_band),
-        command=run.constant_command,
-        measured_velocity=chosen.velocity == "channel",
-        thermocouple_lag_s=chosen.thermocouple_lag_s,
+        velocity = _checked_velocity(run, sampled.velocity, path.velocity)
+        acceleration = signals.differentiate(velocity, step)
+    command, temperature = run.constant_command, sampled.temperature
+    if temperature is not None:
+        temperature = signals.condition_temperature(temperature, step, chosen.thermocouple_lag_s)
+    trajectory = Trajectory(
+        step=step,
+        displacement=x - _reference(chosen.reference, rest, path, dead_band),
+        velocity=velocity,
+        acceleration=acceleration,
+        command=sampled.command if command is None else np.full(len(x), command),
+        dead_band=dead_band,
+        temperature=temperature,
     )
-    trajectory = condition_run(sampled, path, rules)
     force = sampled.force - chosen.force_offset_N if chosen.force_offset_N else sampled.force
-    found = describe_motion(trajectory.displacement, step)
-    scored_from = min(started + round(found.half_period_s / step), len(x) - 1)
+    motion = describe_motion(trajectory.displacement, step)
+    scored_from = min(started + round(motion.half_period_s / step), len(x) - 1)
     _check_sign(run, force[scored_from:], trajectory.velocity[scored_from:])
-    motion = run.motion or found.label
-    return PreparedRun(run, trajectory, force, scored_from, found.period_s, rules, motion)
+    label = run.motion or motion.label
+    return PreparedRun(run, trajectory, force, scored_from, motion.period_s, cutoff, label)
+
+
+def _rounding(time: FloatArray, off: float) -> float:
+    """Return the power of ten [s] to which times are rounded, 0 if not rounded.
+
+    ``off`` [s] is the largest deviation of the times from a uniform grid. Smaller powers are not tried.
+    """
+    unit = 10.0 ** math.ceil(math.log10(off)) if off > 0.0 else 0.0
+    for candidate in (unit, 10.0 * unit):
+        if candidate and np.allclose(time / candidate, np.round(time / candidate), rtol=0.0, atol=1e-4):
+            return candidate
+    return 0.0
+
+
+def _sample_uniformly(run: RigRun) -> tuple[Recording, float]:
+    """Return a run on a uniform time grid, and the step [s]. A uniform time is not changed.
+
+    Otherwise, the grid has the median step. Displacement is resampled by a cubic spline, the other channels
+    linearly.
+    """
+    first, last, count = float(run.time[0]), float(run.time[-1]), len(run)
+    step = (last - first) / (count - 1)
+    off = float(np.max(np.abs(run.time - (first + step * np.arange(count)))))
+    # Times are uniform if they deviate from a grid by at most 0.1 % of a step, or by their rounding.
+    if off <= max(1e-3 * step, 0.6 * _rounding(run.time, off)):
+        return run, step
+    from scipy.interpolate import CubicSpline
+
+    step = float(np.median(np.diff(run.time)))
+    time = first + step * np.arange(int((last - first) / step * (1.0 + 1e-12)) + 1, dtype=np.float64)
+    linear = {
+        name: np.interp(time, run.time, values)
+        for name in ("force", "command", "velocity", "temperature")
+        if (values := getattr(run, name)) is not None
+    }
+    displacement = np.asarray(CubicSpline(run.time, run.displacement)(time), dtype=np.float64)
+    return Recording(run.name, time, displacement, command_unit=run.command_unit, **linear), step
 
 
 def select_plot_samples(
@@ -195,8 +223,6 @@ def decimate(prepared: PreparedRun, rate_Hz: float) -> PreparedRun:
     The force is not filtered because a filter would remove parts that the model must reproduce. Aliasing does
     not change the standard deviation of the noise.
     """
-    if not rate_Hz > 0.0:
-        raise InputError(place="decimate", found=f"rate is {rate_Hz} Hz", expected="a positive number")
     path = prepared.trajectory
     factor = int(path.rate_Hz / rate_Hz * (1.0 + 1e-9))
     if factor <= 1:
@@ -209,7 +235,7 @@ def decimate(prepared: PreparedRun, rate_Hz: float) -> PreparedRun:
     )
 
 
-def _reference(rule: Reference, rest: FloatArray, path: Kinematics, dead_band: float) -> float:
+def _reference(rule: Reference, rest: FloatArray, path: signals.Kinematics, dead_band: float) -> float:
     """Return the zero of displacement [m] by a rule of ``prepare_run``.
 
     ``rest`` is the measured displacement in the first half of the time before the motion starts.
@@ -226,19 +252,17 @@ def _reference(rule: Reference, rest: FloatArray, path: Kinematics, dead_band: f
     return float(np.mean(x))
 
 
-def _check_velocity(run: RigRun, measured: FloatArray | None, derived: FloatArray) -> None:
+def _checked_velocity(run: RigRun, measured: FloatArray | None, derived: FloatArray) -> FloatArray:
     if measured is None:
-        raise InputError(
-            place=run.name, found="no velocity channel", remedy="Derive it from the displacement"
-        )
+        remedy = "Derive it from the displacement"
+        raise InputError(place=run.name, found="no velocity channel", remedy=remedy)
     differs = float(np.std(measured - derived) / np.std(derived))
     if not differs < _VELOCITY_DIFFERENCE_MAX_RATIO:
-        raise InputError(
-            place=run.name,
-            found=f"the velocity channel differs from the displacement's rate by {100 * differs:.3g} % rms",
-            expected=f"less than {100 * _VELOCITY_DIFFERENCE_MAX_RATIO:g} %",
-            remedy="Check its unit, sign and delay in the channel map",
-        )
+        found = f"the velocity channel differs from the displacement's rate by {100 * differs:.3g} % rms"
+        remedy = "Check its unit, sign and delay in the channel map"
+        expected = f"less than {100 * _VELOCITY_DIFFERENCE_MAX_RATIO:g} %"
+        raise InputError(place=run.name, found=found, expected=expected, remedy=remedy)
+    return measured
 
 
 def _check_sign(run: RigRun, force: FloatArray, velocity: FloatArray) -> None:

@@ -12,7 +12,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,37 +38,30 @@ class RheometerTable:
     notes: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Quantity:
-    """A quantity: its names in headers (longest first), its units, and example headers for messages."""
-
-    words: tuple[str, ...]
-    units: Mapping[str, tuple[float, str]]  # unit without blanks, dots, slashes -> (factor, SI unit)
-    offered: str
+class _Quantity(NamedTuple):
+    words: str  # pattern of the names in headers
+    units: Mapping[str, tuple[float, str]]  # unit without blanks, dots, slashes: (factor, SI unit)
+    offered: str  # example headers for messages
 
 
-_QUANTITIES: Mapping[str, _Quantity] = MappingProxyType(
-    {
-        "temperature": _Quantity(("temperature", "temp", "T"), {}, "temperature_degC or temperature_K"),
-        "viscosity": _Quantity(
-            ("dynamic viscosity", "viscosity", "eta"),
-            {"Pas": (1.0, "Pa s"), "mPas": (1e-3, "Pa s"), "cP": (1e-3, "Pa s")},
-            "viscosity_Pas or viscosity_mPas",
-        ),
-        "yield stress": _Quantity(
-            ("shear yield stress", "dynamic yield stress", "static yield stress", "yield stress", "tau y"),
-            {"Pa": (1.0, "Pa"), "kPa": (1e3, "Pa")},
-            "yield_stress_Pa or yield_stress_kPa",
-        ),
-        "field": _Quantity(
-            ("magnetic flux density", "magnetic field", "flux density", "field strength", "field", "B", "H"),
-            {"T": (1.0, "T"), "mT": (1e-3, "T"), "Am": (1.0, "A/m"), "kAm": (1e3, "A/m")},
-            "field_mT, field_T or field_kA_m",
-        ),
-    }
-)
-
-
+_QUANTITIES: Mapping[str, _Quantity] = {
+    "temperature": _Quantity("(?i:temperature|temp)|T", {}, "temperature_degC or temperature_K"),
+    "viscosity": _Quantity(
+        "(?i:dynamic viscosity|viscosity|eta)",
+        {"Pas": (1.0, "Pa s"), "mPas": (1e-3, "Pa s"), "cP": (1e-3, "Pa s")},
+        "viscosity_Pas or viscosity_mPas",
+    ),
+    "yield stress": _Quantity(
+        "(?i:(?:(?:shear|dynamic|static) )?yield stress|tau y)",
+        {"Pa": (1.0, "Pa"), "kPa": (1e3, "Pa")},
+        "yield_stress_Pa or yield_stress_kPa",
+    ),
+    "field": _Quantity(
+        "(?i:(?:magnetic )?flux density|magnetic field|field strength|field)|B|H",
+        {"T": (1.0, "T"), "mT": (1e-3, "T"), "Am": (1.0, "A/m"), "kAm": (1e3, "A/m")},
+        "field_mT, field_T or field_kA_m",
+    ),
+}
 # A table with the first quantity of a pair must also contain the second quantity of the pair.
 _REQUIRED = (("viscosity", "temperature"), ("yield stress", "temperature"), ("yield stress", "field"))
 
@@ -86,68 +79,64 @@ def read_rheometer(path: str | Path) -> RheometerTable:
     Raise InputError if a column is missing, is duplicated, or has no valid unit, or if a temperature is
     implausible.
     """
-    file = Path(path)
-    table, place = read_table(file), file.name
-    headers = {what: header for what in _QUANTITIES if (header := _find_column(what, table.names, place))}
+    table = read_table(Path(path))
+    try:
+        return _rheometer_table(table, Path(path).name)
+    except InputError as error:
+        raise error.prepend_place(Path(path).name) from None
+
+
+def _rheometer_table(table: Table, place: str) -> RheometerTable:
+    headers = {what: header for what in _QUANTITIES if (header := _find_column(what, table.names))}
     found = ", ".join(map(repr, table.names))
     for what, needed in _REQUIRED:
         if what in headers and needed not in headers:
-            raise InputError(
-                place=place, found=f"{what} but no {needed} among {found}", expected=_offer(needed)
-            )
+            raise InputError(f"{what} but no {needed} among {found}", expected=_offer(needed))
     if not {"viscosity", "yield stress"} & headers.keys():
         offered = f"{_offer('viscosity')}, or {_offer('yield stress')} with {_offer('field')}"
-        raise InputError(
-            place=place, found=f"neither viscosity nor yield stress among {found}", expected=offered
-        )
-    columns = {what: _to_si(table, header, what, place) for what, header in headers.items()}
-    kelvin, field = columns["temperature"][0], columns.get("field")
-    _require_plausible(kelvin, headers["temperature"], place)
+        raise InputError(f"neither viscosity nor yield stress among {found}", expected=offered)
+    columns = {what: _to_si(table, header, what) for what, header in headers.items()}
+    kelvin, (field, field_unit) = columns["temperature"][0], columns.get("field", (None, ""))
     notes = [f"{place}: column {name!r} is not used" for name in table.names if name not in headers.values()]
     viscosity = yield_stress = None
     if "viscosity" in columns:
         eta = columns["viscosity"][0]
-        in_field = np.isfinite(eta) & (np.nan_to_num(0.0 if field is None else field[0]) != 0.0)
+        in_field = np.isfinite(eta) & (np.nan_to_num(0.0 if field is None else field) != 0.0)
         if in_field.any():  # The viscosity in a magnetic field is a different quantity.
             notes.append(f"{place}: viscosities in a field left out: {int(np.count_nonzero(in_field))}")
-        viscosity = _complete_rows("viscosity", place, kelvin, np.where(in_field, np.nan, eta))
+        viscosity = _complete_rows("viscosity", kelvin, np.where(in_field, np.nan, eta))
     if "yield stress" in columns and field is not None:
-        yield_stress = _complete_rows("yield stress", place, field[0], kelvin, columns["yield stress"][0])
+        yield_stress = _complete_rows("yield stress", field, kelvin, columns["yield stress"][0])
     values = [columns[what][0] for what in ("viscosity", "yield stress") if what in columns]
     empty = np.isnan(values).all(axis=0)
     if empty.any():
         notes.append(f"{place}: rows without a value left out: {int(np.count_nonzero(empty))}")
-    unit = "" if field is None else field[1]
-    return RheometerTable(place, viscosity, yield_stress, unit, tuple(notes))  # type: ignore[arg-type]
+    return RheometerTable(place, viscosity, yield_stress, field_unit, tuple(notes))  # type: ignore[arg-type]
 
 
 def _offer(what: str) -> str:
     return f"a header such as {_QUANTITIES[what].offered}"
 
 
-def _find_column(what: str, names: Sequence[str], place: str) -> str | None:
+def _find_column(what: str, names: Sequence[str]) -> str | None:
     """Return the header that names a quantity and its unit, None if no header names the quantity."""
     named = [(name, unit) for name in names if (unit := _unit_in(name, what)) is not None]
     good = [name for name, unit in named if _factor(what, unit) is not None]
     if len(good) > 1:
         found = f"{len(good)} columns hold the {what}: {', '.join(map(repr, good))}"
-        raise InputError(place=place, found=found, expected="one", remedy="Give each its own table")
+        raise InputError(found, expected="one", remedy="Give each its own table")
     if named and not good:
         name, unit = named[0]
         problem = f"unit {unit!r} in {name!r} is not a unit of {what}" if unit else f"{name!r} has no unit"
-        raise InputError(place=place, found=problem, expected=_offer(what))
+        raise InputError(problem, expected=_offer(what))
     return good[0] if good else None
 
 
 def _unit_in(header: str, what: str) -> str | None:
     """Return the unit in a quantity's header ("" if missing), None for other headers."""
-    for word in _QUANTITIES[what].words:
-        spelled = word.replace(" ", r"[\s_]+")
-        case = re.IGNORECASE if len(word) > 1 else re.NOFLAG
-        match = re.fullmatch(rf"(?:{spelled})(?:[\s_/\[({{,]+(.*?)[\])}}]*)?\s*", header.strip(), case)
-        if match:
-            return (match[1] or "").strip()
-    return None
+    words = _QUANTITIES[what].words.replace(" ", r"[\s_]+")
+    match = re.fullmatch(rf"(?:{words})(?:[\s_/\[({{,]+(.*?)[\])}}]*)?\s*", header.strip())
+    return None if match is None else (match[1] or "").strip()
 
 
 def _factor(what: str, unit: str) -> tuple[float, str] | None:
@@ -157,27 +146,25 @@ def _factor(what: str, unit: str) -> tuple[float, str] | None:
     return _QUANTITIES[what].units.get(re.sub(r"[\s._*·/-]|(?<=m)\^?-1", "", unit))
 
 
-def _to_si(table: Table, header: str, what: str, place: str) -> tuple[FloatArray, str]:
+def _to_si(table: Table, header: str, what: str) -> tuple[FloatArray, str]:
+    """Return the values of a column in SI, and their unit. Raise InputError for implausible temperatures."""
     if header not in table.columns:
-        raise InputError(place=place, found=f"column {header!r} holds text", expected="numbers")
+        raise InputError(f"column {header!r} holds text", expected="numbers")
     unit = _unit_in(header, what) or ""
-    if what == "temperature":
-        return to_si(table.columns[header], unit, "temperature"), "K"
-    factor, si_unit = _factor(what, unit) or (np.nan, "")
-    return table.columns[header] * factor, si_unit
-
-
-def _require_plausible(kelvin: FloatArray, header: str, place: str) -> None:
-    low, high = QUANTITIES["temperature"].low, QUANTITIES["temperature"].high
+    if what != "temperature":
+        factor, si_unit = _factor(what, unit) or (np.nan, "")
+        return table.columns[header] * factor, si_unit
+    kelvin = to_si(table.columns[header], unit, what)
+    low, high = QUANTITIES[what].low, QUANTITIES[what].high
     bad = np.isfinite(kelvin) & ~((kelvin >= low) & (kelvin <= high))
     if bad.any():
         found = f"{header!r} holds {kelvin[bad][0]:g} K ({np.count_nonzero(bad)} such rows)"
-        remedy = "Check the unit in the header"
-        raise InputError(place=place, found=found, expected=f"{low:g} to {high:g} K", remedy=remedy)
+        raise InputError(found, expected=f"{low:g} to {high:g} K", remedy="Check the unit in the header")
+    return kelvin, "K"
 
 
-def _complete_rows(what: str, place: str, *columns: FloatArray) -> tuple[FloatArray, ...]:
-    complete = np.all(np.isfinite(columns), axis=0)
+def _complete_rows(what: str, *columns: FloatArray) -> tuple[FloatArray, ...]:
+    complete = np.isfinite(columns).all(axis=0)
     if not complete.any():
-        raise InputError(place=place, found=f"no row has every cell that a {what} law needs; fill them in")
-    return tuple(column[complete] for column in columns)
+        raise InputError(f"no row has every cell that a {what} law needs; fill them in")
+    return tuple(np.compress(complete, columns, axis=1))

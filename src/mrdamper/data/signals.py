@@ -1,8 +1,4 @@
-"""Signals with a uniform time step: noise, cut-off, zero-phase smoothing and derivatives.
-
-The functions take arrays. The module ``prepare`` applies these functions to runs, and the module ``motion``
-labels the motions.
-"""
+"""Signals with a uniform time step: noise, cut-off, zero-phase smoothing and derivatives."""
 
 from __future__ import annotations
 
@@ -20,17 +16,19 @@ _FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
 # Weights of sixth-order differences: ``_CENTRED`` for inner samples, ``_ENDS`` for the three at either end.
 _CENTRED = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60.0
-_ENDS = (
-    np.array(
-        [
-            [-147, 360, -450, 400, -225, 72, -10],
-            [-10, -77, 150, -100, 50, -15, 2],
-            [2, -24, -35, 80, -30, 8, -1],
-        ]
-    )
-    / 60.0
+_END_WEIGHTS = (
+    *([-147, 360, -450, 400, -225, 72, -10], [-10, -77, 150, -100, 50, -15, 2]),
+    [2, -24, -35, 80, -30, 8, -1],
 )
+_ENDS = np.array(_END_WEIGHTS) / 60.0
 _GAIN_ON_WHITE_NOISE = float(np.sqrt(np.sum(_CENTRED**2)))
+
+# The temperature of a run with a smaller drift is replaced by its mean.
+DRIFT_MAX_K = 1.0
+# The run is divided into this number of parts. Their mean temperatures show if it warms up and cools down.
+PART_COUNT = 8
+# Cut-off of the temperature smoothing. Temperature changes slowly because of the heat capacity.
+TEMPERATURE_CUTOFF_Hz = 0.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,10 +82,7 @@ def measure_spectrum(displacement: FloatArray, step: float) -> Spectrum:
     noise is at least the rounding error. Up to 2 % of the record are ignored at its end, because the
     transform of the shorter length is faster.
     """
-    from scipy.fft import (
-        dst,
-        prev_fast_len,
-    )  # Imported here because SciPy takes 0.25 s to load.
+    from scipy.fft import dst, prev_fast_len  # Imported here because SciPy takes 0.25 s to load.
 
     n = prev_fast_len(len(displacement) - 1, real=True) + 1
     kept = displacement[:n] - np.linspace(displacement[0], displacement[n - 1], n)
@@ -98,12 +93,7 @@ def measure_spectrum(displacement: FloatArray, step: float) -> Spectrum:
 
 
 def knot_spacing(step: float, cutoff_Hz: float) -> int:
-    """Return the number of samples between two knots of the smoothing spline; 1 means no smoothing.
-
-    Parameters
-    ----------
-    step : time between two samples [s]
-    """
+    """Return the number of samples between two knots of the smoothing spline; 1 means no smoothing."""
     return max(1, round(0.5 / (cutoff_Hz * step)))
 
 
@@ -141,19 +131,40 @@ def smooth(displacement: FloatArray, step: float, cutoff_Hz: float) -> Kinematic
     return Kinematics(x, v, a)
 
 
-def differentiate(values: FloatArray, step: float) -> FloatArray:
-    """Return the derivative by sixth-order differences, one-sided at the ends.
+def condition_temperature(temperature: FloatArray, step: float, lag_s: float = 0.0) -> FloatArray:
+    """Return the measured temperature [K] with the noise and the lag of the sensor removed, shape (n,).
 
-    Parameters
-    ----------
-    values : at least 7 values at a uniform ``step`` [s]
+    A constant temperature is replaced by its mean. "Constant" means two conditions. The linear drift is below
+    1 K (or three standard errors of the drift). The means of eight equal parts of the run agree within 1 K
+    (or six standard errors of a mean). Any other temperature is smoothed with a cut-off of 0.25 Hz, or by a
+    straight line if the run is shorter than 16 s. A first-order lag ``lag_s`` of the sensor is compensated:
+    T + lag dT/dt.
     """
+    n = len(temperature)
+    time = step * (np.arange(n) - 0.5 * (n - 1))
+    slope = float(time @ temperature / (time @ time))
+    mean = float(np.mean(temperature))
+    noise = float(np.std(temperature - mean - slope * time))
+    drift = abs(slope) * step * n
+    short = step * n < 4.0 / TEMPERATURE_CUTOFF_Hz  # The run is too short for the smoothing spline.
+    means = [part.mean() for part in np.array_split(temperature, PART_COUNT)]
+    wander = 0.0 if short else float(np.ptp(means))
+    drift_max = max(DRIFT_MAX_K, 3.0 * noise * math.sqrt(12.0 / n))
+    if drift < drift_max and wander < max(DRIFT_MAX_K, 6.0 * noise * math.sqrt(PART_COUNT / n)):
+        return np.full(n, mean)
+    if short:
+        return np.asarray(mean + slope * (time + lag_s))
+    smoothed = smooth(temperature, step, TEMPERATURE_CUTOFF_Hz)
+    return smoothed.displacement + lag_s * smoothed.velocity
+
+
+def differentiate(values: FloatArray, step: float) -> FloatArray:
+    """Return the derivative of at least 7 values at a uniform step [s], by sixth-order differences."""
     derivative = np.empty_like(values)
     derivative[3:-3] = np.correlate(values, _CENTRED, mode="valid")
     derivative[:3] = _ENDS @ values[:7]
     derivative[-3:] = -(_ENDS @ values[:-8:-1])[::-1]
-    derivative /= step
-    return derivative
+    return derivative / step
 
 
 def smallest_step(displacement: FloatArray) -> float:

@@ -14,10 +14,13 @@ from pathlib import Path
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.diagnosis.campaign import compare
-from mrdamper.data.diagnosis.declared import find_against_names, find_odd_siblings
+from mrdamper.data.diagnosis.campaign import HELD_OUT_EFFECT, compare
+from mrdamper.data.diagnosis.declared import (
+    find_against_names,
+    find_implausible_damper,
+    find_odd_siblings,
+)
 from mrdamper.data.diagnosis.diagnose import diagnose
-from mrdamper.data.diagnosis.plausible import find_implausible_damper
 from mrdamper.data.finding import SEVERITIES, Finding, Inference, Severity, without_repeats
 from mrdamper.data.formats.table import Layout
 from mrdamper.data.prepare import PreparedRun
@@ -36,7 +39,6 @@ from mrdamper.schema import finite_or_none
 
 _USUAL = CheckOptions()
 
-HELD_OUT_EFFECT = "The run is held out: its held-out error is affected, the fit is not"
 HELD_OUT_KINDS = frozenset(
     {
         "coarse_steps",

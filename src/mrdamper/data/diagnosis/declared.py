@@ -1,4 +1,4 @@
-"""Findings on runs that disagree with their file names or with other runs of the same motion.
+"""Findings on runs that disagree with their names, with runs of the same motion, or with published dampers.
 
 A name such as ``sine_10mm2Hz_1.00A_60C`` declares amplitude or stroke, frequency, command and temperature.
 The values in the name are compared with the signals.
@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import PurePath
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,16 +23,13 @@ from mrdamper.quantities import to_degC
 _NUMBER = r"(?<![\d.])(\d+(?:[.p,]\d+)?)\s*"
 
 
-@dataclass(frozen=True, slots=True)
-class _Declared:
-    """Quantity in names of runs: pattern ``form`` of its unit, typical error ``hint``."""
-
+class _Declared(NamedTuple):
     unit: str
-    form: str
+    form: str  # pattern of the unit in names of runs
     relative_tolerance: float
     tolerance: float  # [unit]
     channel: str
-    hint: str
+    hint: str  # typical error
 
 
 _AMPERES = "per cent, milliamperes or a driver's input read as amperes"
@@ -44,8 +42,7 @@ _DECLARED: Mapping[str, _Declared] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class _Sibling:
+class _Sibling(NamedTuple):
     """Quantity that is equal in runs of the same motion, and limits for a finding."""
 
     kind: str
@@ -59,6 +56,11 @@ _SIBLINGS: Mapping[str, _Sibling] = {
     "frequency": _Sibling("time_scale", "sampling rate", 0.12, 0.015, 0.003),
     "stroke": _Sibling("displacement_scale", "scale of the displacement", 0.25, 0.04, 0.012),
 }
+_HINTS = {
+    "force": "kgf, lbf or kN read as N, N read as kN",
+    "displacement": "inches read as mm, mm read as cm",
+    "current": "per cent or mA read as A, a driver's volts",
+}
 
 
 def find_against_names(runs: Sequence[Recording]) -> Iterator[Finding]:
@@ -69,16 +71,14 @@ def find_against_names(runs: Sequence[Recording]) -> Iterator[Finding]:
             if declared is None or _agrees(quantity, declared, found):
                 continue
             kind = "command" if quantity in {"current", "voltage"} else quantity
-            yield Finding(
-                kind=f"declared_{kind}",
-                channel=known.channel,
-                run=run.name,
-                size=found / declared if declared else found,
-                found=f"the name declares {declared:g} {known.unit}, and the signals have {found:.4g} "
-                f"{known.unit}",
-                effect="The card would hold for another operating point than the test's, or in another unit",
-                remedy=f"Check unit and scale of the channel ({known.hint}), or the name",
+            words = (
+                f"the name declares {declared:g} {known.unit}, and the signals have {found:.4g} {known.unit}"
             )
+            effect = "The card would hold for another operating point than the test's, or in another unit"
+            remedy = f"Check unit and scale of the channel ({known.hint}), or the name"
+            size = found / declared if declared else found
+            different = Finding(f"declared_{kind}", words, effect, remedy, channel=known.channel, size=size)
+            yield replace(different, run=run.name)
 
 
 def find_odd_siblings(runs: Sequence[Recording]) -> Iterator[Finding]:
@@ -86,46 +86,75 @@ def find_odd_siblings(runs: Sequence[Recording]) -> Iterator[Finding]:
 
     Runs whose names declare different frequencies or strokes are not of the same motion.
     """
-    seen = [(run, _values_of(run)) for run in runs]
     sines = [
         (values, [_number_in_names(run, name) for name in _SIBLINGS], run)
-        for run, values in seen
-        if "frequency" in values
+        for run in runs
+        if "frequency" in (values := _values_of(run))
     ]
+    limits = np.array([known.ratio_max for known in _SIBLINGS.values()])
     for mine, declared, run in sines:
-        others = [
-            values
-            for values, other_declared, other in sines
-            if other is not run
-            and other_declared == declared
-            and all(
-                abs(values[name] / mine[name] - 1.0) < known.ratio_max for name, known in _SIBLINGS.items()
-            )
+        motion = np.array([mine[name] for name in _SIBLINGS])
+        siblings = [
+            [values[name] for name in _SIBLINGS]
+            for values, others_declared, other in sines
+            if other is not run and others_declared == declared
         ]
+        others = np.array([each for each in siblings if (np.abs(each / motion - 1.0) < limits).all()])
         if len(others) < SETTINGS.sibling_run_count_min:
             continue
-        for quantity, known in _SIBLINGS.items():
-            values = np.array([each[quantity] for each in others])
+        for (quantity, known), values in zip(_SIBLINGS.items(), others.T, strict=True):
             middle = float(np.median(values))
             ratio, apart = mine[quantity] / middle, np.abs(values / middle - 1.0)
             scatter = DEVIATION_PER_MAD * float(np.median(apart))
-            if abs(ratio - 1.0) < known.deviation_min or scatter > known.scatter_max:
-                continue
-            if abs(ratio - 1.0) < 5.0 * max(scatter, float(np.max(apart)) / 2.0):
+            deviation_min = max(known.deviation_min, 5.0 * scatter, 2.5 * float(np.max(apart)))
+            if abs(ratio - 1.0) < deviation_min or scatter > known.scatter_max:
                 continue
             size, error = 1.0 / ratio if quantity == "frequency" else ratio, max(scatter, 1e-3)
             unit, channel = _DECLARED[quantity].unit, _DECLARED[quantity].channel
-            yield Finding(
-                kind=known.kind,
-                channel=channel,
-                run=run.name,
-                size=size,
-                found=f"its {quantity} is {mine[quantity]:.4g} {unit}, and that of {len(others)} other runs "
-                f"of this motion {middle:.4g} {unit}: {channel} times {size:.3f}",
-                effect=f"Velocities of this run are off by {percent(abs(ratio - 1.0))}, viscosity with them",
-                remedy=f"Check the {known.suspect} of this file against the others; until it is known leave "
-                "the run out",
-            ).add_interval(error)
+            found = (
+                f"its {quantity} is {mine[quantity]:.4g} {unit}, and that of {len(others)} other runs of "
+                f"this motion {middle:.4g} {unit}: {channel} times {size:.3f}"
+            )
+            effect = f"Velocities of this run are off by {percent(abs(ratio - 1.0))}, viscosity with them"
+            remedy = f"Check the {known.suspect} of this file against the others; "
+            remedy += "until it is known leave the run out"
+            odd = Finding(known.kind, found, effect, remedy, channel=channel, size=size, run=run.name)
+            yield odd.add_interval(error)
+
+
+def find_implausible_damper(runs: Sequence[Recording]) -> Iterator[Finding]:
+    """Generate findings on quantities of a campaign that are outside the range of published dampers.
+
+    A unit that is wrong in all runs has no other symptom, because the fitted coefficients scale with the unit
+    factor. Sources of the ranges, rounded outwards: a damper for off-road vehicles of 1.1 to 7.4 kN and a
+    stroke of 180 mm (J. Intell. Mater. Syst. Struct. 2023, 10.1177/1045389X221151075), a damper for buildings
+    of 15 t (Sternberg, Zemp, de la Llera, Engineering Structures 69, 2014, 194-205), and the public runs of
+    the tests.
+    """
+    if not runs:
+        return
+    amperes = [float(np.abs(run.command).max()) for run in runs if run.command_unit == "A"]
+    current = max(amperes, default=0.0)
+    peak = max(float(np.ptp(run.force)) / 2.0 for run in runs)
+    stroke = max(float(np.ptp(run.displacement)) for run in runs)
+    peak_min = SETTINGS.peak_force_min_at_1A_N if current >= 1.0 else SETTINGS.peak_force_range_N[0]
+    for channel, value, low, high, unit in (
+        ("force", peak, peak_min, SETTINGS.peak_force_range_N[1], "N"),
+        ("displacement", stroke, *SETTINGS.stroke_range_m, "m"),
+        *((("current", current, *SETTINGS.peak_current_range_A, "A"),) if current else ()),
+    ):
+        if low <= value <= high:
+            continue
+        found = (
+            f"the largest {channel} of all runs is {value:.3g} {unit}; published magnetorheological dampers "
+            f"have {low:.3g} to {high:.3g} {unit}"
+        )
+        if channel == "force":
+            found += ", those of buildings up to 150 kN"
+        effect = "A wrong unit makes all coefficients wrong by its factor, but the fit looks as good"
+        remedy = f"Compare the unit with the data sheet ({_HINTS[channel]}?); nothing was changed"
+        unusual = Finding("implausible_damper", found, effect, remedy, channel=channel, size=value, unit=unit)
+        yield replace(unusual, run=runs[0].name)
 
 
 def _number_in_names(run: Recording, quantity: str) -> float | None:
@@ -134,16 +163,10 @@ def _number_in_names(run: Recording, quantity: str) -> float | None:
     The first of these names that states a number for the quantity is used. The result is None if no name
     states a number, or if the used name states several numbers.
     """
-    source = PurePath(run.source) if run.source else PurePath()
-    for text in (run.name, source.stem, source.parent.name):
-        found = {
-            float(re.sub("[p,]", ".", each)) for each in re.findall(_NUMBER + _DECLARED[quantity].form, text)
-        }
-        if len(found) == 1:
-            return found.pop()
-        if found:
-            return None
-    return None
+    source, form = PurePath(run.source), _NUMBER + _DECLARED[quantity].form
+    stated = (re.findall(form, text) for text in (run.name, source.stem, source.parent.name))
+    numbers = {float(re.sub("[p,]", ".", each)) for each in next(filter(None, stated), ())}
+    return numbers.pop() if len(numbers) == 1 else None
 
 
 def _agrees(quantity: str, declared: float, found: float) -> bool:
@@ -171,15 +194,12 @@ def _frequency(run: Recording) -> float | None:
     """Return the frequency [Hz] by zero crossings, None if the periods are not equal."""
     low, high = np.quantile(run.displacement, (0.02, 0.98))
     x = run.displacement - 0.5 * (low + high)
-    swing = 0.25 * float(high - low)
-    known = np.flatnonzero(np.abs(x) > swing)
-    up = x[known] > 0.0
-    turned = np.flatnonzero(up[1:] & ~up[:-1])
+    known = np.flatnonzero(np.abs(x) > 0.25 * (high - low))
+    turned = np.flatnonzero((x[known[1:]] > 0.0) & (x[known[:-1]] <= 0.0))
     ups = []
     for a, b in zip(known[turned].tolist(), known[turned + 1].tolist(), strict=True):
         k = a + int(np.argmax(x[a : b + 1] >= 0.0))
-        share = float(-x[k - 1] / (x[k] - x[k - 1]))
-        ups.append(float(run.time[k - 1] + share * (run.time[k] - run.time[k - 1])))
+        ups.append(float(np.interp(0.0, x[k - 1 : k + 1], run.time[k - 1 : k + 1])))
     periods = np.diff(ups[1:]) if len(ups) > 3 else np.diff(ups)
     if len(periods) < 1 or float(np.ptp(periods)) > SETTINGS.period_ratio_max * float(np.median(periods)):
         return None

@@ -7,6 +7,7 @@ never leads its velocity.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,19 +23,18 @@ def find_wrong_sign(prepared: PreparedRun) -> Finding:
 
     ``prepared`` is the run after its force was reversed.
     """
-    scored = slice(prepared.scored_from, None)
-    correlation = -float(np.corrcoef(prepared.force[scored], prepared.trajectory.velocity[scored])[0, 1])
-    return Finding(
-        kind="force_sign",
-        severity="fault",
-        channel="force",
-        size=correlation,
-        found=f"force and velocity have opposite signs (correlation {correlation:.2f}), as if the damper "
-        "gave power: the force or the displacement is reversed",
-        effect="Every coefficient would come out negative, and the run is refused",
-        remedy="Put sign = -1 at [channel.force] in the channel map, or use mrdamper fit --flip-force; where "
-        "extension counts negative, at [channel.displacement]",
+    velocity = prepared.trajectory.velocity[prepared.scored_from :]
+    correlation = -float(np.corrcoef(prepared.force[prepared.scored_from :], velocity)[0, 1])
+    found = (
+        f"force and velocity have opposite signs (correlation {correlation:.2f}), as if the damper gave "
+        "power: the force or the displacement is reversed"
     )
+    effect = "Every coefficient would come out negative, and the run is refused"
+    remedy = (
+        "Put sign = -1 at [channel.force] in the channel map, or use mrdamper fit --flip-force; where "
+        "extension counts negative, at [channel.displacement]"
+    )
+    return Finding("force_sign", found, effect, remedy, severity="fault", channel="force", size=correlation)
 
 
 def find_force_offset(prepared: PreparedRun) -> Iterator[Finding]:
@@ -49,19 +49,16 @@ def find_force_offset(prepared: PreparedRun) -> Iterator[Finding]:
     limit = SETTINGS.force_offset_ratio_max * spread
     if abs(offset) <= (limit if prepared.period_s is not None else 2.0 * limit):
         return
-    yield Finding(
-        kind="force_offset",
-        severity="warning" if abs(offset) > 2.0 * limit else "note",
-        channel="force",
-        size=offset,
-        unit="N",
-        found=f"force has an offset of {offset:+.4g} N ({percent(abs(offset) / spread)} of its "
-        "standard deviation)",
-        effect="A law without an offset keeps it as an error, and fits a part of it as asymmetry",
-        remedy="Zero the load cell. Keep the offset if its cause is a gas preload (fit a law with an offset) "
-        "or a damper that is stronger in one direction (the offset grows with the force; fit the "
-        "asymmetries of chain)",
+    share = percent(abs(offset) / spread)
+    found = f"force has an offset of {offset:+.4g} N ({share} of its standard deviation)"
+    effect = "A law without an offset keeps it as an error, and fits a part of it as asymmetry"
+    remedy = (
+        "Zero the load cell. Keep the offset if its cause is a gas preload (fit a law with an offset) or a "
+        "damper that is stronger in one direction (the offset grows with the force; fit the asymmetries of "
+        "chain)"
     )
+    found_offset = Finding("force_offset", found, effect, remedy, channel="force", size=offset, unit="N")
+    yield found_offset if abs(offset) > 2.0 * limit else replace(found_offset, severity="note")
 
 
 def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
@@ -76,43 +73,38 @@ def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
     begins, ends = (
         float(prepared.run.time[0] + k * prepared.trajectory.step) for k in (whole.row[0], whole.end[-1])
     )
-    for channel, size, scale, unit in (
-        ("displacement", found.displacement_m, stroke, "m"),
-        ("force", found.force_N, span, "N"),
+    for channel, size, scale, unit, shown, effect, remedy in (
+        (
+            *("displacement", found.displacement_m, stroke, "m", f"{1e3 * found.displacement_m:+.3g} mm"),
+            "A stiffness turns the drift into a force that was not measured",
+            "Use a law without stiffness, or Preparation(reference='mean'), or a shorter segment",
+        ),
+        (
+            *("force", found.force_N, span, "N", f"{found.force_N:+.3g} N"),
+            "A constant offset cannot follow the drift, which remains as an error",
+            "Let the load cell and its amplifier warm up; take a shorter segment",
+        ),
     ):
         if abs(size) <= SETTINGS.drift_ratio_max * scale:
             continue
-        shown = f"{1e3 * size:+.3g} mm" if channel == "displacement" else f"{size:+.3g} N"
-        yield Finding(
-            kind="position_drift" if channel == "displacement" else "force_drift",
-            channel=channel,
-            size=size,
-            unit=unit,
-            from_s=begins,
-            to_s=ends,
-            found=f"mean {channel} moves by {shown} from the first to the last of {len(whole)} cycles "
-            f"({percent(abs(size) / scale)} of its range)",
-            effect="A stiffness turns the drift into a force that was not measured"
-            if channel == "displacement"
-            else "A constant offset cannot follow the drift, which remains as an error",
-            remedy="Use a law without stiffness, or Preparation(reference='mean'), or a shorter segment"
-            if channel == "displacement"
-            else "Let the load cell and its amplifier warm up; take a shorter segment",
+        words = (
+            f"mean {channel} moves by {shown} from the first to the last of {len(whole)} cycles "
+            f"({percent(abs(size) / scale)} of its range)"
         )
-    if abs(found.spread_percent) > SETTINGS.force_range_change_max_percent:
-        yield Finding(
-            kind="force_level_changes",
-            channel="force",
-            size=found.spread_percent,
-            unit="%",
-            from_s=begins,
-            to_s=ends,
-            found=f"the range of force {'grows' if found.spread_percent > 0 else 'falls'} by "
-            f"{abs(found.spread_percent):.2g} % from the first to the last of {len(whole)} cycles",
-            effect="A model at one temperature can only follow the middle: about "
-            f"{0.3 * abs(found.spread_percent):.2g} % of error remain",
-            remedy="Record the temperature with the run, or take the segment after the damper has settled",
+        kind = "position_drift" if channel == "displacement" else "force_drift"
+        moved = Finding(kind, words, effect, remedy, channel=channel, size=size, unit=unit)
+        yield moved.between(begins, ends)
+    size = found.spread_percent
+    if abs(size) > SETTINGS.force_range_change_max_percent:
+        words = (
+            f"the range of force {'grows' if size > 0 else 'falls'} by {abs(size):.2g} % from the first to "
+            f"the last of {len(whole)} cycles"
         )
+        error = f"{0.3 * abs(size):.2g} % of error"
+        effect = f"A model at one temperature can only follow the middle: about {error} remain"
+        remedy = "Record the temperature with the run, or take the segment after the damper has settled"
+        changed = Finding("force_level_changes", words, effect, remedy, channel="force", size=size, unit="%")
+        yield changed.between(begins, ends)
 
 
 def find_force_lag(prepared: PreparedRun) -> Iterator[Finding]:
@@ -120,30 +112,26 @@ def find_force_lag(prepared: PreparedRun) -> Iterator[Finding]:
 
     A small lag and hysteresis cannot be distinguished in a single run. A leading force is always a fault.
     """
-    whole = cycles(prepared)
-    if prepared.period_s is None or len(whole) < 2:
+    if prepared.period_s is None or len(cycles(prepared)) < 2:
         return
     step, period = prepared.trajectory.step, prepared.period_s
     lag = estimate_lag(prepared, period)
     early = lag < -max(1.5 * step, SETTINGS.force_lead_max_periods * period)
     if not early and lag < SETTINGS.force_lag_max_periods * period:
         return
-    yield Finding(
-        kind="force_early" if early else "force_late",
-        channel="force",
-        size=lag,
-        unit="s",
-        found=f"force comes {1e3 * abs(lag):.3g} ms {'before' if early else 'after'} the velocity "
-        f"({percent(abs(lag) / period)} of the period)",
-        effect="The loop opens on the wrong side, which no passive law does"
-        if early
-        else "A delay is taken for hysteresis: the yield displacement comes out too large",
-        remedy="Compare the delays of the two channels (filters, converters) and shift one; a mass "
-        "between load cell and damper does the same at high frequency"
-        if early
-        else "Compare the delays of the two channels (filters, converters); if there is "
-        "none, the damper is elastic",
+    effect = "A delay is taken for hysteresis: the yield displacement comes out too large"
+    remedy = "Compare the delays of the two channels (filters, converters)"
+    if early:
+        effect = "The loop opens on the wrong side, which no passive law does"
+        remedy += " and shift one; a mass between load cell and damper does the same at high frequency"
+    else:
+        remedy += "; if there is none, the damper is elastic"
+    found = (
+        f"force comes {1e3 * abs(lag):.3g} ms {'before' if early else 'after'} the velocity "
+        f"({percent(abs(lag) / period)} of the period)"
     )
+    kind = "force_early" if early else "force_late"
+    yield Finding(kind, found, effect, remedy, channel="force", size=lag, unit="s")
 
 
 def _static_force(prepared: PreparedRun) -> float | None:

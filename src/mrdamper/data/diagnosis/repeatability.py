@@ -1,11 +1,8 @@
-"""Comparison of the cycles of a prepared run without a model: repeatability, drift, lag.
-
-Sign convention: extension positive, a force that resists extension is positive.
-"""
+"""Comparison of the cycles of a prepared run without a model: repeatability, drift, lag."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +13,7 @@ from mrdamper.data.diagnosis.settings import SETTINGS
 from mrdamper.data.prepare import PreparedRun
 
 
-@dataclass(frozen=True, slots=True)
-class Drift:
+class Drift(NamedTuple):
     """Change of mean displacement, mean force and standard deviation of force from first to last cycle."""
 
     displacement_m: float
@@ -32,10 +28,8 @@ def repeatability(prepared: PreparedRun) -> float | None:
     the median. A cycle is also ignored if its first and last positions differ by more than 3 % of the stroke
     (a ramp). The result is None if the run is not periodic or has fewer than two typical cycles.
     """
-    if prepared.period_s is None:
-        return None
     forces = forces_by_phase(prepared, select_typical_cycles(prepared))
-    if len(forces) < 2:
+    if prepared.period_s is None or len(forces) < 2:
         return None
     deviation = forces - forces.mean(axis=0)
     # The deviations of m cycles from their own mean have m - 1 degrees of freedom at each phase.
@@ -48,15 +42,12 @@ def drift(prepared: PreparedRun) -> Drift | None:
     found = select_typical_cycles(prepared)
     if len(found) < 2:
         return None
-    ends = [
-        (prepared.trajectory.displacement[start:end], prepared.force[start:end])
-        for start, end in ((found.row[k], found.end[k]) for k in (0, -1))
-    ]
-    (x0, f0), (x1, f1) = ends
+    first, last = (slice(found.row[k], found.end[k]) for k in (0, -1))
+    x, force = prepared.trajectory.displacement, prepared.force
     return Drift(
-        displacement_m=float(x1.mean() - x0.mean()),
-        force_N=float(f1.mean() - f0.mean()),
-        spread_percent=100.0 * float(np.std(f1) / np.std(f0) - 1.0),
+        displacement_m=float(x[last].mean() - x[first].mean()),
+        force_N=float(force[last].mean() - force[first].mean()),
+        spread_percent=100.0 * float(np.std(force[last]) / np.std(force[first]) - 1.0),
     )
 
 
@@ -67,12 +58,12 @@ def estimate_lag(prepared: PreparedRun, period_s: float) -> float:
     maximum and its neighbours resolves fractions of a sample. The hysteresis of the damper and the delay
     between the channels add up in the lag. Therefore compare lags of different runs, or use only the sign.
     """
-    path = prepared.trajectory
+    path, start = prepared.trajectory, prepared.scored_from
     per_cycle = period_s / path.step
     reach = round(0.25 * per_cycle)
-    inner = round(max(1, int((len(path) - prepared.scored_from - 2 * reach) / per_cycle)) * per_cycle)
-    force = prepared.force[prepared.scored_from : prepared.scored_from + inner + 2 * reach]
-    velocity = path.velocity[prepared.scored_from + reach : prepared.scored_from + reach + inner]
+    inner = round(max(1, int((len(path) - start - 2 * reach) / per_cycle)) * per_cycle)
+    force = prepared.force[start : start + inner + 2 * reach]
+    velocity = path.velocity[start + reach : start + reach + inner]
     correlation = np.correlate(force - force.mean(), velocity - velocity.mean(), mode="valid")
     top = int(np.argmax(correlation))
     shift = 0.0

@@ -1,13 +1,15 @@
-"""Findings on single channels: clipping, stuck values, coarse resolution, spikes."""
+"""Findings on single channels: clipping, stuck values, coarse resolution, spikes, lost samples, jumps."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
-from mrdamper.arrays import FloatArray
+from mrdamper.arrays import DEVIATION_PER_MAD, FloatArray, rms
+from mrdamper.data.cycles import true_segments
 from mrdamper.data.diagnosis.resolution import white_noise
 from mrdamper.data.diagnosis.settings import SETTINGS
 from mrdamper.data.finding import Finding, percent
@@ -15,8 +17,6 @@ from mrdamper.data.records import Recording, channels_of
 from mrdamper.quantities import QUANTITIES
 
 _MEASURED = ("displacement", "force", "velocity")
-
-STEP_RATIO = math.sqrt(12.0)  # rounding step / standard deviation of the rounding error
 
 
 def find_clipping(recording: Recording) -> Iterator[Finding]:
@@ -31,41 +31,35 @@ def find_clipping(recording: Recording) -> Iterator[Finding]:
         for side, folded, often in (("upper", values, counts[::-1]), ("lower", -values, counts)):
             at_top = folded == folded.max()
             below = float(np.mean(often[1 : 1 + SETTINGS.clipped_level_count]))
+            length_min = SETTINGS.clipped_segment_samples_min
             segments = [
-                (a, b)
-                for a, b in _segments(at_top)
-                if b - a >= SETTINGS.clipped_segment_samples_min and _has_slope(folded, a, b)
+                (a, b) for a, b in true_segments(at_top) if b - a >= length_min and _has_slope(folded, a, b)
             ]
             least = max(SETTINGS.clipped_samples_min, SETTINGS.clipped_count_ratio_min * below)
-            if not segments or sum(b - a for a, b in segments) < least:
+            if sum(b - a for a, b in segments) < least:
                 continue
             count = int(np.count_nonzero(at_top))
             share = count / len(values)
-            unit = QUANTITIES[role].unit
-            yield Finding(
-                kind="clipped",
-                severity="fault" if share > SETTINGS.clipped_ratio_max else "warning",
-                channel=role,
-                size=100.0 * share,
-                unit="%",
-                from_s=float(recording.time[segments[0][0]]),
-                to_s=float(recording.time[segments[-1][1] - 1]),
-                found=f"{role} stays at its {side} end of {values[segments[0][0]]:.5g} {unit} for "
-                f"{count} samples ({percent(share)}) in {len(segments)} segments: clipped",
-                effect="Peak forces, viscosity and yield force come out too small"
-                if role == "force"
-                else "Velocity is zero where the damper moves, and the law is driven wrongly",
-                remedy="Set the amplifier's range larger and record again; leave the run out until then",
+            found = (
+                f"{role} stays at its {side} end of {values[segments[0][0]]:.5g} {QUANTITIES[role].unit} for "
+                f"{count} samples ({percent(share)}) in {len(segments)} segments: clipped"
             )
+            effect = "Velocity is zero where the damper moves, and the law is driven wrongly"
+            if role == "force":
+                effect = "Peak forces, viscosity and yield force come out too small"
+            remedy = "Set the amplifier's range larger and record again; leave the run out until then"
+            clipped = Finding("clipped", found, effect, remedy, channel=role, size=100.0 * share, unit="%")
+            clipped = clipped.between(*recording.time[[segments[0][0], segments[-1][1] - 1]])
+            yield replace(clipped, severity="fault") if share > SETTINGS.clipped_ratio_max else clipped
 
 
 def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
     """Generate findings on a constant force or displacement while the other changes."""
     x, force = recording.displacement, recording.force
     for role, values, other in (("force", force, x), ("displacement", x, force)):
-        segments = sorted(_segments(np.append(np.diff(values) == 0.0, False)), key=lambda s: s[0] - s[1])
+        segments = sorted(true_segments(np.append(np.diff(values) == 0.0, False)), key=lambda s: s[0] - s[1])
         least, steps = _stuck_length(segments), _steps(values)
-        near = SETTINGS.stuck_level_max_steps * _coarse_step(values)
+        near = SETTINGS.stuck_level_max_steps * _coarse_step(values)[0]
         moved = float(np.ptp(other))
         for a, b in segments:
             if b - a < least:
@@ -76,51 +70,34 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
             share = SETTINGS.stuck_motion_ratio_min if role == "force" else 0.5
             if np.ptp(other[a : b + 1]) < share * moved:
                 continue
-            yield Finding(
-                kind="stuck_sensor",
-                severity="fault",
-                channel=role,
-                size=float(recording.time[b] - recording.time[a]),
-                unit="s",
-                from_s=float(recording.time[a]),
-                to_s=float(recording.time[b]),
-                found=f"{role} keeps {values[a]:.5g} {QUANTITIES[role].unit} from "
-                f"{recording.time[a]:.4g} s to {recording.time[b]:.4g} s while the other channel goes "
-                "on: a stuck sensor or a lost connection",
-                effect="The loop has a segment that no law can follow, and all coefficients become biased",
-                remedy="Cut the run before that place (from_s, to_s of the preparation), or record it again",
+            from_s, to_s = recording.time[[a, b]].tolist()
+            found = (
+                f"{role} keeps {values[a]:.5g} {QUANTITIES[role].unit} from {from_s:.4g} s to {to_s:.4g} s "
+                "while the other channel goes on: a stuck sensor or a lost connection"
             )
+            effect = "The loop has a segment that no law can follow, and all coefficients become biased"
+            remedy = "Cut the run before that place (from_s, to_s of the preparation), or record it again"
+            stuck = Finding("stuck_sensor", found, effect, remedy, severity="fault", channel=role)
+            yield replace(stuck, size=to_s - from_s, unit="s").between(from_s, to_s)
             break
-
-
-def _coarse_step(values: FloatArray) -> float:
-    """Return a channel's resolution, 0 if it is fine relative to the standard deviation."""
-    resolution = resolution_of(values)
-    return resolution if resolution / STEP_RATIO > SETTINGS.coarse_note_ratio * float(np.std(values)) else 0.0
 
 
 def find_coarse_steps(recording: Recording) -> Iterator[Finding]:
     """Generate findings on channels whose resolution is coarse relative to the variation of the values."""
     for role, values in _varying_channels(recording):
-        resolution = _coarse_step(values)
+        resolution, error = _coarse_step(values)
         if not resolution:
             continue
-        error = resolution / STEP_RATIO / float(np.std(values))
         unit = QUANTITIES[role].unit
         shown, factor = (unit, 1.0) if role == "force" else (f"m{unit}", 1e3)
-        yield Finding(
-            kind="coarse_steps",
-            severity="warning" if error > SETTINGS.coarse_warning_ratio else "note",
-            channel=role,
-            size=resolution,
-            unit=unit,
-            found=f"{role} has steps of {factor * resolution:.3g} {shown}: "
-            f"{round(float(np.ptp(values)) / resolution) + 1} levels over the run",
-            effect=f"No model can have an error below {percent(error)} of the force's standard deviation"
-            if role == "force"
-            else "Steps of the displacement become jumps of the velocity; smoothing takes out what it can",
-            remedy="Use more of the converter's range (a smaller range, a larger gain)",
-        )
+        levels = round(float(np.ptp(values)) / resolution) + 1
+        found = f"{role} has steps of {factor * resolution:.3g} {shown}: {levels} levels over the run"
+        effect = "Steps of the displacement become jumps of the velocity; smoothing takes out what it can"
+        if role == "force":
+            effect = f"No model can have an error below {percent(error)} of the force's standard deviation"
+        remedy = "Use more of the converter's range (a smaller range, a larger gain)"
+        coarse = Finding("coarse_steps", found, effect, remedy, channel=role, size=resolution, unit=unit)
+        yield coarse if error > SETTINGS.coarse_warning_ratio else replace(coarse, severity="note")
 
 
 def find_spikes(recording: Recording) -> Iterator[Finding]:
@@ -136,39 +113,86 @@ def find_spikes(recording: Recording) -> Iterator[Finding]:
         if not len(bad) or len(bad) > len(values) / SETTINGS.spike_samples_min:
             continue
         worst = int(bad[np.argmax(away[bad - 1])])
-        unit = QUANTITIES[role].unit
-        yield Finding(
-            kind="spikes",
-            channel=role,
-            size=float(away[worst - 1]),
-            unit=unit,
-            from_s=float(recording.time[bad[0]]),
-            to_s=float(recording.time[bad[-1]]),
-            found=f"{role} has {len(bad)} spike{'s' if len(bad) > 1 else ''}, the largest of "
-            f"{away[worst - 1]:.3g} {unit} at {recording.time[worst]:.4g} s",
-            effect="Squared errors give a spike far more weight than a valid sample",
-            remedy="Cut the samples out, and look for a loose plug or a switching device nearby",
+        size, unit = float(away[worst - 1]), QUANTITIES[role].unit
+        found = (
+            f"{role} has {len(bad)} spike{'s' if len(bad) > 1 else ''}, the largest of {size:.3g} {unit} at "
+            f"{recording.time[worst]:.4g} s"
         )
+        effect = "Squared errors give a spike far more weight than a valid sample"
+        remedy = "Cut the samples out, and look for a loose plug or a switching device nearby"
+        spikes = Finding("spikes", found, effect, remedy, channel=role, size=size, unit=unit)
+        yield spikes.between(*recording.time[[bad[0], bad[-1]]])
 
 
-def resolution_of(values: FloatArray) -> float:
-    """Return the step of a quantised channel, 0 for a continuous channel."""
+def find_lost_samples(recording: Recording) -> Iterator[Finding]:
+    """Generate a finding on lost samples: time steps longer than 1.5 times the median time step."""
+    steps = np.diff(recording.time)
+    usual = float(np.median(steps))
+    lost = np.flatnonzero(steps > SETTINGS.lost_step_ratio_min * usual)
+    if len(lost):
+        missing = float(np.sum(np.round(steps[lost] / usual) - 1.0))
+        share = missing / len(recording)
+        found = (
+            f"about {missing:.0f} samples are missing at {len(lost)} places ({percent(share)}), the first "
+            f"after sample {lost[0]}"
+        )
+        effect = "They are filled in by interpolation, which flattens the force at reversals"
+        remedy = "Check the load of the recording computer; record again if there are many such places"
+        gaps = Finding("lost_samples", found, effect, remedy, channel="time", size=missing, unit="samples")
+        gaps = gaps.between(*recording.time[[lost[0], lost[-1] + 1]])
+        yield gaps if share > 0.001 else replace(gaps, severity="note")
+
+
+def find_phase_jumps(recording: Recording) -> Iterator[Finding]:
+    """Generate findings on jumps of the displacement between two samples with regular time stamps.
+
+    Lost or doubled samples cause such jumps. A spike is not a jump because the signal returns after it.
+    """
+    x = recording.displacement
+    if len(x) < SETTINGS.jump_samples_min:
+        return
+    steps = np.diff(x) / np.diff(recording.time)
+    near = np.median([steps[:-4], steps[1:-3], steps[3:-1], steps[4:]], axis=0)
+    away = np.pad(steps[2:-2] - near, 2)
+    usual = rms(steps)
+    noise = DEVIATION_PER_MAD * float(np.median(np.abs(away)))
+    far = np.abs(away) > max(SETTINGS.jump_slope_ratio_min * usual, SETTINGS.jump_noise_ratio_min * noise)
+    # A spike has two consecutive steps of opposite sign, a jump has one step. Spikes are excluded.
+    back = np.abs(away[:-1] + away[1:]) < 0.5 * np.maximum(np.abs(away[:-1]), np.abs(away[1:]))
+    far[:-1] &= ~back
+    far[1:] &= ~back
+    places = np.flatnonzero(far)
+    if not len(places) or len(places) > 0.01 * len(x):
+        return
+    lost = np.abs(away[places]) / np.maximum(np.abs(near[places - 2]), 0.3 * usual)
+    samples = float(np.sum(np.round(lost)))
+    found = (
+        f"the displacement jumps at {len(places)} place{'s' if len(places) > 1 else ''} where time goes on "
+        f"evenly, the first at {recording.time[places[0]]:.4g} s: about {samples:.0f} samples are lost or "
+        "doubled"
+    )
+    effect = "Velocity there is wrong, and all later samples are shifted in time"
+    remedy = "Check the load of the recording computer and its buffers; cut the run at these places"
+    jumps = Finding("phase_jumps", found, effect, remedy, channel="time", size=samples, unit="samples")
+    yield jumps.between(*recording.time[[places[0], places[-1] + 1]])
+
+
+def _coarse_step(values: FloatArray) -> tuple[float, float]:
+    """Return the step of a quantised channel, and its rounding error / standard deviation.
+
+    Both are 0 for a continuous channel, and if the error is small.
+    """
     levels = np.unique(values)
     if len(levels) < 3 or len(levels) > 0.5 * len(values):
-        return 0.0
+        return 0.0, 0.0
     apart = np.diff(levels)
     apart = apart[apart > 1e-9 * np.ptp(levels)]  # Smaller distances are rounding errors.
     resolution = float(np.median(apart))
-    multiples = apart / resolution
-    nearest = np.round(multiples)
-    regular = (np.abs(multiples - nearest) < 0.1) & (nearest >= 1.0) & (nearest <= 3.0)
-    return resolution if np.count_nonzero(regular) >= SETTINGS.quantised_ratio_min * len(apart) else 0.0
-
-
-def _segments(flags: np.ndarray) -> list[tuple[int, int]]:
-    """Return (first, last + 1) of each group of consecutive flags that are True."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
-    return list(zip(edges[0::2].tolist(), edges[1::2].tolist(), strict=True))
+    multiples = np.round(apart / resolution)
+    regular = (np.abs(apart / resolution - multiples) < 0.1) & (multiples >= 1.0) & (multiples <= 3.0)
+    error = resolution / math.sqrt(12.0) / float(np.std(values))
+    is_quantised = np.count_nonzero(regular) >= SETTINGS.quantised_ratio_min * len(apart)
+    return (resolution, error) if is_quantised and error > SETTINGS.coarse_note_ratio else (0.0, 0.0)
 
 
 def _varying_channels(recording: Recording) -> Iterator[tuple[str, FloatArray]]:
@@ -184,8 +208,8 @@ def _steps(values: FloatArray) -> FloatArray:
 
 def _has_slope(values: FloatArray, a: int, b: int) -> bool:
     """Return True if the signal changes just before row ``a`` or just after row ``b - 1``."""
-    steps, usual = _steps(values), float(np.sqrt(np.mean(np.diff(values) ** 2)))
-    return a > 0 and b < len(values) and max(steps[a], steps[b]) > 0.05 * usual
+    steps = _steps(values)
+    return a > 0 and b < len(values) and max(steps[a], steps[b]) > 0.05 * rms(steps[1:-1])
 
 
 def _stuck_length(segments: list[tuple[int, int]]) -> float:

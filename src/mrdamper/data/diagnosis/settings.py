@@ -37,7 +37,7 @@ class DiagnosisSettings:
     force_lead_max_periods: float = 0.003  # The force may lead the velocity by this fraction of the period.
     force_lag_max_periods: float = 0.17  # The force may lag the velocity by this fraction (60 degrees).
 
-    # Ranges of published dampers; the module ``plausible`` names the sources
+    # Ranges of published dampers; ``find_implausible_damper`` names the sources
     peak_force_range_N: tuple[float, float] = (150.0, 20e3)
     peak_force_min_at_1A_N: float = 300.0
     peak_current_range_A: tuple[float, float] = (0.3, 15.0)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache
-from types import MappingProxyType
 from typing import Literal
 
 from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit
@@ -25,7 +24,6 @@ _FORMS_WITH_UNIT = (
 _LAST = re.compile(r"(.+)_([^_]+)")
 _BLANK = re.compile(r"(.+?)\s+([^\s\d]+)")  # "Force N", if N is a unit of force
 _NO_UNITS = frozenset({"in", "kp", "min"})  # A header "in" means input, "kp" a gain, "min" a minimum.
-_BRACKETED = (_NOTED, _BRACKETS)
 _NUMBERED = re.compile(r"^(.+_[^\W\d]+)[_ ]\d+$")  # number after the unit: "force_N_2"
 _CHUNKS = re.compile(r"(?:[,;:|.](?:\s+|$)|\t|\s+(?:and|und|et|y)\s+)+")
 _IN = re.compile(r"(.+?)\s+in\s+(\S+)", re.IGNORECASE)
@@ -43,34 +41,30 @@ Kind = Literal[
     "set point", "sensor output", "statistic", "filtered", "ambient", "fluid", "damper", "other quantity"
 ]
 # A statistic is a result of a cycle or a run. The volts of a sensor output represent another quantity.
-_KINDS: Mapping[Kind, re.Pattern[str]] = MappingProxyType(
-    {
-        "set point": re.compile(
-            r"\b(set|setpoint|soll\w*|cmd|command\w*|target|demand\w*|ref|reference|desired|consign\w*|zadan\w*)\b"
-            r"|目标|設定|设定|指令|给定|목표|지령"
-        ),
-        "sensor output": re.compile(r"monitor|\bimon\b|\bmon\b|shunt|clamp|probe|transducer|sensor"),
-        "statistic": re.compile(
-            r"\b(f?max|f?min|maximum|minimum|peak|mean|avg|average|rms|amplitude|mittelwert)\b"
-        ),
-        "filtered": re.compile(r"\b(filter\w*|filt|smooth\w*|gefiltert|gegl[äa]tt\w*|lowpass|lp)\b"),
-        "ambient": re.compile(
-            r"\b(amb\w*|room|air|\w*raum\w*|umgebung\w*|lab|labor\w*|chamber|halle?|hal[ay]?|sal[al]e?|otoczeni\w*"
-            r"|powietrz\w*|pokoj\w*|okol\w*|vzduch\w*|környez\w*|luft\w*|ortam|oda|kamer|rumm?\w*)\b"
-            r"|室温|环境|環境|комнат|воздух|окруж|помещ|실온|\b(tank|reservoir|sump|hpu|pump\w*|hydraul\w*)\b"
-        ),
-        "other quantity": re.compile(
-            r"acceler|beschleun|freq|shear|viscos|viskos|induct|induktiv|impedan|resistan|widerstand|flux|humid"
-            r"|频率|周波数|주파수"
-        ),
-        "damper": re.compile(
-            r"damper|d(ä|ae)mpfer|t[lł]umi[kč]|am+orti[sz]|amorte[cç]|demper|lengéscs|амортиз|демпф|阻尼|ダンパ|댐퍼"
-        ),
-        "fluid": re.compile(
-            r"\b(fluid|oil|öl|huile|aceite|olio|óleo|olej\w*|масл\w*|жидкост\w*)\b|油|流体|오일"
-        ),
-    }
-)
+_KINDS: Mapping[Kind, re.Pattern[str]] = {
+    "set point": re.compile(
+        r"\b(set|setpoint|soll\w*|cmd|command\w*|target|demand\w*|ref|reference|desired|consign\w*|zadan\w*)\b"
+        r"|目标|設定|设定|指令|给定|목표|지령"
+    ),
+    "sensor output": re.compile(r"monitor|\bimon\b|\bmon\b|shunt|clamp|probe|transducer|sensor"),
+    "statistic": re.compile(
+        r"\b(f?max|f?min|maximum|minimum|peak|mean|avg|average|rms|amplitude|mittelwert)\b"
+    ),
+    "filtered": re.compile(r"\b(filter\w*|filt|smooth\w*|gefiltert|gegl[äa]tt\w*|lowpass|lp)\b"),
+    "ambient": re.compile(
+        r"\b(amb\w*|room|air|\w*raum\w*|umgebung\w*|lab|labor\w*|chamber|halle?|hal[ay]?|sal[al]e?|otoczeni\w*"
+        r"|powietrz\w*|pokoj\w*|okol\w*|vzduch\w*|környez\w*|luft\w*|ortam|oda|kamer|rumm?\w*)\b"
+        r"|室温|环境|環境|комнат|воздух|окруж|помещ|실온|\b(tank|reservoir|sump|hpu|pump\w*|hydraul\w*)\b"
+    ),
+    "other quantity": re.compile(
+        r"acceler|beschleun|freq|shear|viscos|viskos|induct|induktiv|impedan|resistan|widerstand|flux|humid"
+        r"|频率|周波数|주파수"
+    ),
+    "damper": re.compile(
+        r"damper|d(ä|ae)mpfer|t[lł]umi[kč]|am+orti[sz]|amorte[cç]|demper|lengéscs|амортиз|демпф|阻尼|ダンパ|댐퍼"
+    ),
+    "fluid": re.compile(r"\b(fluid|oil|öl|huile|aceite|olio|óleo|olej\w*|масл\w*|жидкост\w*)\b|油|流体|오일"),
+}
 _COMMAND = re.compile(
     r"\b(c(o|ó)m(m)?and\w*|cmd|drive\w*|control\w*|steuer\w*|consign\w*)\b|volt|spannung|tens[iã]|ten[cs]i[oó]n|nap[ie]"
     r"|电压|電圧|전압|指令"
@@ -90,14 +84,10 @@ def word_and_unit(header: str) -> tuple[str, str]:
     text = header.translate(_NARROW).strip()
     for form in (_NOTED, *_FORMS_WITH_UNIT, _LAST, _BLANK):
         match = form.fullmatch(text)
-        if match is None:
-            continue
-        word, unit = match[1].strip(), match[2].strip()
-        roles = roles_of_unit(unit)
-        long = len(unit) > 1 and form is not _BLANK
-        if not roles or not (form in _BRACKETED or long or _means(word, roles)):
-            continue
-        return word, unit
+        word, unit = (match[1].strip(), match[2].strip()) if match else ("", "")
+        is_unit_alone = form in {_NOTED, _BRACKETS} or (len(unit) > 1 and form is not _BLANK)
+        if (roles := roles_of_unit(unit)) and (is_unit_alone or _means(word, roles)):
+            return word, unit
     if len(text) > 1 and text.lower() not in _NO_UNITS and roles_of_unit(text):  # "millis" has no word.
         return "", text
     return text, ""
@@ -144,30 +134,28 @@ def speaks_of(word: str, role: str) -> bool:
     for known in QUANTITIES[role].headers:
         if (len(known) == 1 and known.isascii()) or known == "力":
             continue
-        if not known.isascii() and known in plain:
+        if known in tokens or (not known.isascii() and known in plain):
             return True
-        if known in tokens or (len(known) > 2 and any(token.endswith(known) for token in tokens)):
-            return True
-        if len(known) > 3 and any(token.startswith(known) for token in tokens):
+        begin, end = known if len(known) > 3 else " ", known if len(known) > 2 else " "
+        if any(token.startswith(begin) or token.endswith(end) for token in tokens):
             return True
     return False
 
 
 def means(name: str, role: str) -> bool:
     """Return True if a channel is named after a role, as ``Force``, ``rod_force`` or ``F_N``."""
+    if header := parse_header(name):
+        return header[0] == role
     word, unit = word_and_unit(name)
-    is_symbol = word == QUANTITIES[role].symbol or role in roles_of_unit(unit)
-    header = parse_header(name)
-    return header[0] == role if header else is_symbol or speaks_of(word, role)
+    return word == QUANTITIES[role].symbol or role in roles_of_unit(unit) or speaks_of(word, role)
 
 
 def begins_with_symbol(word: str, role: str) -> bool:
     """Return True if a header's word begins with the symbol of a role, as in ``i_cmd`` or ``F meas``."""
-    parts = _split_words(word).split()
-    symbol = QUANTITIES[role].symbol
-    first = word.strip()[:1]
-    alone = len(parts) > 0 and len(parts[0]) == 1
-    return alone and (first == symbol or (first.lower() == symbol.lower() and symbol not in {"t", "T"}))
+    symbol, first = QUANTITIES[role].symbol, word.strip()[:1]
+    is_alone = re.match(r"\S(?!\S)", _split_words(word)) is not None
+    is_symbol = first == symbol or (first.lower() == symbol.lower() and symbol not in {"t", "T"})
+    return is_alone and is_symbol
 
 
 def has_word(header: str, kind: Kind) -> bool:
@@ -196,10 +184,7 @@ def are_all_per_cent(line: str) -> bool:
     """Return True if a line states that all channels are in per cent, as in ``All values in % of range``."""
     found = _PER_CENT.search(line)
     before = line[: found.start()] if found else ""
-    return (
-        _ALL_CHANNELS.search(line) is not None
-        and re.search(r"(\b(in|as|en)|[:=])\s*$", before, re.I) is not None
-    )
+    return bool(_ALL_CHANNELS.search(line) and re.search(r"(\b(in|as|en)|[:=])\s*$", before, re.IGNORECASE))
 
 
 def _split_words(word: str) -> str:
@@ -222,14 +207,11 @@ def parse_header(header: str) -> tuple[str, str] | None:
         if match and (role := _role_of(match[1])) is not None:
             unit = match[2].strip()
             return role, unit if is_unit_beside(unit, role) else ""
-    for form in (*_FORMS_WITH_UNIT, _BLANK):
-        match = form.fullmatch(text)
-        if match is None:
-            continue
-        word, unit = match[1].strip(), match[2].strip()
-        role = _role_of(word) or next((q.role for q in QUANTITIES.values() if word == q.symbol), None)
-        if role is not None and role in roles_of_unit(unit):
-            return role, unit
+    for match in (form.fullmatch(text) for form in (*_FORMS_WITH_UNIT, _BLANK)):
+        word, unit = (match[1].strip(), match[2].strip()) if match else ("", "")
+        for role in roles_of_unit(unit):
+            if word == QUANTITIES[role].symbol or _role_of(word) == role:
+                return role, unit
     return None
 
 
@@ -266,19 +248,13 @@ def unit_in_brackets(header: str) -> str:
 def candidates(role: str, headers: Sequence[str]) -> list[str]:
     """Return the headers with a role's name or symbol, else those with its unit."""
     quantity = QUANTITIES[role]
-    words = [word for word in quantity.headers if len(word) > (2 if word.isascii() else 1)]
-    named = [
-        header
-        for header in headers
-        if header.strip() == quantity.symbol
-        or any(re.search(rf"(?<![a-z加가]){word}", header.lower()) for word in words)
+    words = "|".join(word for word in quantity.headers if len(word) > (2 if word.isascii() else 1))
+    form = re.compile(rf"(?<![a-z加가])({words})")
+    named = [each for each in headers if each.strip() == quantity.symbol or form.search(each.lower())]
+    unclear = [each for each in headers if parse_header(each) is None]  # "Force (V)" is not a voltage.
+    return named or [
+        each for each in unclear if is_unit(unit_in_brackets(each) or each.rpartition("_")[2], [role])
     ]
-    units = {
-        header: unit_in_brackets(header) or header.rpartition("_")[2]
-        for header in headers
-        if parse_header(header) is None  # "Force (V)" is a force, not a voltage.
-    }
-    return named or [header for header, unit in units.items() if is_unit(unit, [role])]
 
 
 def _role_of(word: str) -> str | None:

@@ -1,8 +1,7 @@
-"""Commands and temperatures in sheet titles, lines above a table, and file names.
+"""Commands, temperatures, sampling rates and scales in sheet titles, lines above a table, and file names.
 
-Examples: ``0.5 A``, ``0,5A``, ``500mA``, ``1p5A``, ``T20C``, ``60 °C``, ``Current [A]: 0.5``. A number
-requires a unit. Two different numbers are ambiguous, and the ``Label`` contains both. The module also reads
-sampling rates and scales of sensors (``10 mm/V``).
+Examples: ``0.5 A``, ``0,5A``, ``500mA``, ``1p5A``, ``T20C``, ``60 °C``, ``Current [A]: 0.5``, ``10 mm/V``. A
+number requires a unit. Two different numbers are ambiguous, and the ``Label`` contains both.
 """
 
 from __future__ import annotations
@@ -57,6 +56,7 @@ _SET = re.compile(
     rf"\bset\b|curr|strom|(?:coil|magnet|damper|spul|bobin).*[:=]\s*[+-]?{_NUMBER}\s?m?A\s*(?:\(.*\))?$",
     re.IGNORECASE,
 )
+_OF_COMMAND = re.compile(r"command|volt|control|drive|coil|spule|spannung|ten[sz]", re.IGNORECASE)
 _OF_TEMPERATURE = re.compile(r"temp|темп|\bT\b|°|℃|deg|温度|온도", re.IGNORECASE)
 CONDITIONS = ("current", "voltage", "temperature")
 DOCUMENT = "document"  # The source of a value from a document begins with this word.
@@ -98,9 +98,8 @@ class Label:
         """Return the sources with their texts and values. Temperatures are in degC."""
         shift = ZERO_CELSIUS_K if self.role == "temperature" else 0.0
         values = " and ".join(f"{value - shift:g} {unit}" for value in self.values)
-        return ", and ".join(
-            [f"the {self.source} {self.text!r} says {values}", *(each.in_words(unit) for each in self.others)]
-        )
+        words = f"the {self.source} {self.text!r} says {values}"
+        return ", and ".join([words, *(each.in_words(unit) for each in self.others)])
 
 
 def labels_in(text: str, role: str) -> tuple[float, ...]:
@@ -136,15 +135,11 @@ def find_label(places: Sequence[Place], role: str) -> Label | None:
     state different values, the label is ambiguous, and ``others`` has the labels of these texts. Only a
     document can contradict a temperature, because file names state nominal temperatures.
     """
-    found: list[Label] = []
-    for source in dict.fromkeys(place.source for place in places):
-        values: dict[float, str] = {}
-        for place in places:
-            if place.source == source and _may_say(place, role):
-                for value in labels_in(place.text, role):
-                    values.setdefault(value, place.text)
-        if values:
-            found.append(Label(role, tuple(values), source, next(iter(values.values()))))
+    texts: dict[str, dict[float, str]] = {}  # source: value: text
+    for place in places:
+        for value in labels_in(place.text, role) if _may_say(place, role) else ():
+            texts.setdefault(place.source, {}).setdefault(value, place.text)
+    found = [Label(role, tuple(each), source, next(iter(each.values()))) for source, each in texts.items()]
     label = next((each for each in found if len(each.values) == 1), next(iter(found), None))
     if label is None:
         return None
@@ -165,7 +160,7 @@ def places_of(title: str, said: Iterable[str], path: Path) -> tuple[Place, ...]:
 
 def scales_in(line: str) -> tuple[tuple[float, str], ...]:
     """Return the scales in a line as (number per volt, unit): ``10 mm/V``, ``1 V = 10 mm``, ``100 mV/A``."""
-    found = [(number, unit, volt) for number, unit, volt in _SCALE.findall(line)]
+    found = _SCALE.findall(line)
     found += [(number, unit, "V") for number, unit in _SCALE_OF_ONE.findall(line)]
     found += [(number, unit, volt) for unit, volt, number in _SCALE_BEFORE.findall(line)]
     scales = [(_to_float(number) * _PER_VOLT[volt], unit) for number, unit, volt in found]
@@ -201,19 +196,18 @@ def ranges_in(line: str) -> tuple[tuple[float, str], ...]:
 
 def _may_say(place: Place, role: str) -> bool:
     """Return True if a text may state a condition of the damper, and not a limit, range or ambient value."""
+    text = place.text
     if place.source != "header" and not place.source.startswith(DOCUMENT):
         return True
-    if _NOT_SET.search(place.text):
-        return False
-    # A line about a power supply states its rating, such as 24 V and 5 A, or a set current, which is used.
-    is_set = role == "current" and _SET.search(place.text) and not labels_in(place.text, "voltage")
-    if role != "temperature" and _SUPPLY.search(place.text) and not is_set:
+    if _NOT_SET.search(text):
         return False
     if role == "temperature":
-        return not has_word(place.text, "ambient") and bool(_OF_TEMPERATURE.search(place.text))
-    return role == "current" or bool(
-        re.search(r"command|volt|control|drive|coil|spule|spannung|ten[sz]", place.text, re.I)
-    )
+        return not has_word(text, "ambient") and bool(_OF_TEMPERATURE.search(text))
+    # A line about a power supply states its rating, such as 24 V and 5 A, or a set current, which is used.
+    is_set = role == "current" and _SET.search(text) and not labels_in(text, "voltage")
+    if _SUPPLY.search(text) and not is_set:
+        return False
+    return role == "current" or bool(_OF_COMMAND.search(text))
 
 
 _SAMPLING = re.compile(

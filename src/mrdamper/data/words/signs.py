@@ -39,11 +39,8 @@ def signs_in(lines: Iterable[str]) -> Mapping[str, int]:
 
     A role without a statement, or with contradictory statements, is missing.
     """
-    found: dict[str, set[int]] = {}
-    for line in lines:
-        for role, sign in _signs_of_line(line):
-            found.setdefault(role, set()).add(sign)
-    return {role: min(signs) for role, signs in found.items() if len(signs) == 1}
+    found = dict.fromkeys(pair for line in lines for pair in _signs_of_line(line))
+    return {role: sign for role, sign in found if (role, -sign) not in found}
 
 
 def _signs_of_line(line: str) -> list[tuple[str, int]]:
@@ -63,7 +60,7 @@ def _signs_of_line(line: str) -> list[tuple[str, int]]:
 
 def _clauses_of(line: str) -> list[str]:
     """Return the clauses of a line. A role after a direction begins a new clause."""
-    clauses = [""]
+    clauses = []
     for part in _CLAUSES.split(line):
         clauses.append("")
         for word in part.split():

@@ -169,8 +169,8 @@ def _envelope_rows(fitted: Identification) -> list[tuple[str, str]]:
 
 def _preparation_rows(fitted: Identification) -> list[tuple[str, str]]:
     chosen = fitted.preparation
-    cut = sorted(run.rules.cutoff_Hz for run in fitted.training)
-    dead = sorted(1e6 * run.rules.dead_band_m for run in fitted.training)
+    cut = sorted(run.cutoff_Hz for run in fitted.training)
+    dead = sorted(1e6 * run.trajectory.dead_band for run in fitted.training)
     zero = {"start": "rest before the motion", "mean": "mean", "none": "as measured"}[chosen.reference]
     smoothed = chosen.velocity == "displacement"
     offset = f"an offset of {chosen.force_offset_N:g} N was subtracted"
