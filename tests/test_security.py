@@ -34,7 +34,6 @@ KEYWORDS = {"allow_pickle", "shell"}
 
 # Only these modules import a module by a computed name or execute a file. The value is the reason.
 ALLOWED = {
-    "data/formats/mdf.py: import_module": "modules of asammdf, by a name in the source",
     "data/formats/objects.py: allow_pickle=": "with allow_pickle=False",
     "data/formats/objects.py: load": "arrays of numbers alone: numpy refuses objects",
     "data/formats/table.py: import_module": "an optional library, by a name in the source",

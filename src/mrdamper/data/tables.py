@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from mrdamper.data.formats.excel import WORKBOOK_SIGNATURES, read_workbook
@@ -18,7 +17,7 @@ from mrdamper.data.formats.mdf import read_mdf
 from mrdamper.data.formats.objects import read_json, read_npz
 from mrdamper.data.formats.octave import read_octave
 from mrdamper.data.formats.parquet import read_parquet
-from mrdamper.data.formats.table import FileOptions, Format, NoTableError, OnUse, Table, Value
+from mrdamper.data.formats.table import FileOptions, Format, NoTableError, Table
 from mrdamper.data.formats.tdms import read_tdms
 from mrdamper.data.formats.text import is_text, read_text
 from mrdamper.data.formats.uff import read_uff
@@ -54,7 +53,6 @@ FORMATS: tuple[Format, ...] = (
 HEAD_BYTES = 1 << 16
 _TOO_LARGE = "needs more memory than there is; split the file"
 _TEXTS = (read_lvm, read_text)
-_LOGGING_LIBRARIES = ("nptdms", "asammdf")
 
 _CATMAN = (
     "an HBM catman file: convert it to CSV with the Python package apread, or export it as text in catman"
@@ -87,20 +85,12 @@ def read_tables(path: Path, options: FileOptions | None = None) -> tuple[Table, 
 def read_table(path: Path, options: FileOptions | None = None) -> Table:
     """Return the first table in a file. The content of the file determines its format.
 
-    Raise InputError if the file is not readable or contains no numbers. Columns that are read later can also
-    raise InputError.
+    Raise InputError if the file is not readable or contains no numbers.
     """
     with _reading(path):
         known = _recognise_format(path)
-    is_text = known.read in _TEXTS
-    with _reading(path) if is_text else decoding(path, known.name):
+    with _reading(path) if known.read in _TEXTS else decoding(path, known.name):
         table = known.read(path, options or FileOptions())
-    if not is_text:
-        table = replace(
-            table,
-            columns=_decode_on_use(table.columns, path, known.name),
-            texts=_decode_on_use(table.texts, path, known.name),
-        )
     if not table.columns or table.rows < 2:
         notes = f" ({'; '.join(table.layout.notes)})" if table.layout.notes else ""
         raise NoTableError(
@@ -126,11 +116,7 @@ def decoding(path: Path, what: str) -> Iterator[None]:
     The libraries raise undocumented exceptions on damaged bytes. Their messages and logs describe their own
     code and do not help the user. Interrupts pass.
     """
-    loggers = [logging.getLogger(name) for name in logging.root.manager.loggerDict]
-    loggers = [logger for logger in loggers if logger.name.split(".")[0] in _LOGGING_LIBRARIES]
-    levels = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.CRITICAL + 1)
+    logging.disable()  # npTDMS and asammdf log damaged bytes.
     try:
         yield
     except MrdamperError:
@@ -146,18 +132,7 @@ def decoding(path: Path, what: str) -> Iterator[None]:
         found = f"not a readable {what} file: it is damaged, cut off, or of an unknown version"
         raise InputError(place=path, found=found, remedy="Copy it again, or export the run as CSV") from error
     finally:
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.setLevel(level)
-
-
-def _decode_on_use(columns: Mapping[str, Value], path: Path, what: str) -> OnUse[Value]:
-    """Return columns that are decoded on each access. A decoding error is raised as InputError."""
-
-    def read(name: str) -> Value:
-        with decoding(path, what):
-            return columns[name]
-
-    return OnUse({name: partial(read, name) for name in columns})
+        logging.disable(logging.NOTSET)
 
 
 def _recognise_format(path: Path) -> Format:

@@ -12,13 +12,13 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.settings import SETTINGS
-from mrdamper.data.formats.table import Moment, OnUse, Table, as_text
+from mrdamper.data.formats.table import Moment, Table, as_text
 from mrdamper.data.formats.timestamps import moment_of
 
 LABVIEW_EPOCH_s = -2082844800.0  # 1904-01-01, which LabVIEW writes if the start is not known
@@ -142,11 +142,10 @@ def with_times(table: Table, times: Mapping[str, FloatArray]) -> Table:
     if len(clocks) == 1 and "time" not in table.names:
         clocks, clock_of = {"time": clocks["clock 1"]}, dict.fromkeys(clock_of, "time")
     numbers = {clock: number for number, clock in enumerate(clocks)}
-    columns = {name: partial(table.columns.__getitem__, name) for name in table.columns}
     return replace(
         table,
         names=(*table.names, *clocks),
-        columns=OnUse({**columns, **{name: partial(np.array, values) for name, values in clocks.items()}}),
+        columns={**table.columns, **clocks},
         units={**dict.fromkeys(clocks, "s"), **table.units},
         clocks=numbers | {name: numbers[clock] for name, clock in clock_of.items()},
         recorded_apart=True,

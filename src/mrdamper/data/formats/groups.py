@@ -11,7 +11,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.clocks import is_same_clock, is_setting_of_time, stated_sampling, with_samplings
 from mrdamper.data.formats.lines.cells import number_in
 from mrdamper.data.formats.settings import SETTINGS
-from mrdamper.data.formats.table import SKIPPED, Layout, OnUse, Table, as_text, require_room, shortest_names
+from mrdamper.data.formats.table import SKIPPED, Layout, Table, as_text, require_room, shortest_names
 from mrdamper.data.words.headers import means, parse_header, speaks_of, word_and_unit
 from mrdamper.quantities import QUANTITIES, roles_of_unit
 
@@ -74,7 +74,7 @@ def table_of_arrays(
     }
     table = Table(
         names=tuple(names),
-        columns=OnUse({name: each.read for name, each in zip(names, inside, strict=True)}),
+        columns={name: each.read() for name, each in zip(names, inside, strict=True)},
         texts={},
         layout=layout,
         rows=max((each.size for each in inside), default=0),
@@ -119,7 +119,7 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
     return replace(
         table,
         names=tuple(name for name in table.names if name not in again),
-        columns=OnUse({name: each.read for name, each in arrays.items() if name not in again}),
+        columns={name: values for name, values in table.columns.items() if name not in again},
         units={name: unit for name, unit in table.units.items() if name not in again},
         clocks=number_of | {name: number_of[clock_of[time]] for name, time in own.items()},
         recorded_apart=bool(clocks),

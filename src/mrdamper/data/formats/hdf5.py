@@ -22,13 +22,13 @@ _MATLAB = b"MATLAB 7.3"
 
 
 def read_hdf5(path: Path, options: FileOptions) -> Table:
-    """Return the columns of an HDF5 file, which are read on use."""
+    """Return the columns of an HDF5 file."""
     h5py = load_extra("h5py", "h5py", "HDF5 files and MAT files of version 7.3")
     with path.open("rb") as stream:
         matlab = stream.read(len(_MATLAB)) == _MATLAB
     with h5py.File(path, "r") as file:
-        variables = _Tree(h5py, file, path, matlab).structure(file)
-    return table_of_variables(variables, path, options, "MAT v7.3 file" if matlab else "HDF5 file")
+        variables = _Tree(h5py, file, matlab).structure(file)
+        return table_of_variables(variables, path, options, "MAT v7.3 file" if matlab else "HDF5 file")
 
 
 class _Structure(dict[str, Any]):
@@ -38,10 +38,10 @@ class _Structure(dict[str, Any]):
 
 
 class _DataSet:
-    """Numbers of a data set, or of one field of a compound data set, which are read on use."""
+    """Numbers of a data set, or of one field of a compound data set, which are read on access."""
 
-    def __init__(self, path: Path, item: Any, field: str = "") -> None:  # noqa: ANN401 - h5py has no types
-        self._path, self._address, self._field = path, item.name, field
+    def __init__(self, item: Any, field: str = "") -> None:  # noqa: ANN401 - h5py has no types
+        self._item, self._field = item, field
         self.shape, self.ndim, self.size = item.shape, item.ndim, item.size
         self.dtype = item.dtype[field] if field else item.dtype
         self.settings = _settings(item)
@@ -50,17 +50,14 @@ class _DataSet:
         self.words = [words for each in lists if not any(map(str.isdigit, words := words_in(each)))]
 
     def __getitem__(self, selection: Any) -> Any:  # noqa: ANN401 - as an array
-        h5py = load_extra("h5py", "h5py", "HDF5 files and MAT files of version 7.3")
-        with h5py.File(self._path, "r") as file:
-            item = file[self._address]
-            return item[()][self._field][selection] if self._field else item[selection]
+        return self._item[()][self._field][selection] if self._field else self._item[selection]
 
 
 class _Tree:
     """Converter of groups to values by name, which follows MATLAB's references."""
 
-    def __init__(self, h5py: Any, file: Any, path: Path, matlab: bool) -> None:  # noqa: ANN401, FBT001 - no types
-        self._h5py, self._file, self._path, self._matlab = h5py, file, path, matlab
+    def __init__(self, h5py: Any, file: Any, matlab: bool) -> None:  # noqa: ANN401, FBT001 - no types
+        self._h5py, self._file, self._matlab = h5py, file, matlab
         self._seen: set[int] = set()  # Addresses that were read already, because links can be circular.
 
     def structure(self, group: Any) -> Any:  # noqa: ANN401 - h5py has no types
@@ -93,11 +90,11 @@ class _Tree:
             return "".join(map(chr, np.ravel(item[()]).tolist()))
         if item.dtype.names:
             inside = {name: item.dtype[name] for name in item.dtype.names if item.ndim == 1}
-            return {name: _DataSet(self._path, item, name) for name, each in inside.items() if not each.shape}
+            return {name: _DataSet(item, name) for name, each in inside.items() if not each.shape}
         if item.dtype.kind in "SO" and item.size <= SETTINGS.table_columns_max and not self._matlab:
             words = np.ravel(item[()]).tolist()
             return as_text(words[0]) if len(words) == 1 else words
-        return _DataSet(self._path, item)
+        return _DataSet(item)
 
     def _refers(self, item: Any) -> bool:  # noqa: ANN401 - h5py has no types
         """Return True if a data set has references: a MATLAB cell array, or a field of a structure array."""

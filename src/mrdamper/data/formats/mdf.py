@@ -1,4 +1,4 @@
-"""MDF (ASAM, versions 3 and 4): channels in groups, each group with its own clock, read on use.
+"""MDF (ASAM, versions 3 and 4): channels in groups, each group with its own clock.
 
 Samples that the file marks as invalid are NaN. A file that scales a channel by a formula is rejected, because
 asammdf would run the formula as code.
@@ -7,13 +7,10 @@ asammdf would run the formula as code.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import Any
-from weakref import finalize
 
 import numpy as np
 
@@ -35,36 +32,19 @@ _CLOCK_INDEX = -1  # This channel index means the clock of the group.
 
 
 def read_mdf(path: Path, options: FileOptions) -> Table:
-    """Return the channels of an MDF file. The file stays open while the table exists."""
-    asammdf = _asammdf()
-    stream = path.open("rb")  # asammdf would unpack archives next to a file that it opens by name.
-    try:
-        file = asammdf.MDF(stream, process_bus_logging=False)
-    except BaseException:
-        stream.close()
-        raise
-    finalize(file, stream.close)
-    _require_no_formula(file, path)
-    table = table_of_arrays(_arrays(file, path), path, Layout("MDF file", part=options.part), {})
-    return replace(
-        table,
-        clocks=table.clocks or dict.fromkeys(table.names, 0),
-        recorded_apart=False,
-        start=moment_of(file.header.start_time.isoformat()),
-    )
-
-
-def _asammdf() -> Any:  # noqa: ANN401 - a foreign module
-    """Return asammdf with finalizers that print no traceback for a file that could not be opened."""
+    """Return the channels of an MDF file."""
     asammdf = load_extra("asammdf", "asammdf", "MDF files")
-
-    def close(file: Any) -> None:  # noqa: ANN401 - asammdf's file
-        with suppress(Exception):
-            file.close()
-
-    for module, kind in (("mdf_v3", "MDF3"), ("mdf_v4", "MDF4")):
-        getattr(import_module(f"asammdf.blocks.{module}"), kind).__del__ = close
-    return asammdf
+    for kind in (asammdf.blocks.mdf_v3.MDF3, asammdf.blocks.mdf_v4.MDF4):
+        kind.__del__ = lambda _: None  # It prints a traceback for a file that could not be opened.
+    with (
+        path.open("rb") as stream,  # asammdf would unpack archives next to a file that it opens by name.
+        asammdf.MDF(stream, process_bus_logging=False) as file,
+    ):
+        _require_no_formula(file, path)
+        table = table_of_arrays(_arrays(file, path), path, Layout("MDF file", part=options.part), {})
+        start = moment_of(file.header.start_time.isoformat())
+    clocks = table.clocks or dict.fromkeys(table.names, 0)
+    return replace(table, clocks=clocks, recorded_apart=False, start=start)
 
 
 def _require_no_formula(file: Any, path: Path) -> None:  # noqa: ANN401 - asammdf's file
@@ -105,12 +85,14 @@ def _arrays(file: Any, path: Path) -> Iterator[StoredArray]:  # noqa: ANN401 - a
 
 
 def _samples(file: Any, group: int, channel: int) -> FloatArray:  # noqa: ANN401 - asammdf's file
-    """Return the samples of a channel, NaN if the file marks a sample as invalid."""
+    """Return the samples of a channel, NaN if a sample is marked as invalid or is not a number."""
     if channel == _CLOCK_INDEX:
         return as_column(np.asarray(file.get_master(group)))[0]
     every = {"samples_only": True, "ignore_invalidation_bits": True}  # Invalid samples are kept.
     read, invalid = file.get(group=group, index=channel, **every)
-    values = as_column(np.asarray(read))[0]
+    if read.dtype.kind not in "fiubmM":
+        return np.full(len(read), np.nan)
+    values = as_column(read)[0]
     if invalid is not None:
         values[np.asarray(invalid, dtype=bool)] = np.nan
     return values

@@ -1,17 +1,14 @@
-"""The result of each format reader: columns by name, and the layout of the file.
-
-A column of a large binary file is read on use. Only the needed channels are read.
-"""
+"""The result of each format reader: columns by name, and the layout of the file."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +26,6 @@ MISSING_MARKS = (
 )
 """Texts that spreadsheets and loggers write into the cell of a missing value."""
 
-Value = TypeVar("Value")
 Texts = list[str | None]
 
 
@@ -145,22 +141,6 @@ class Format:
     suffixes: tuple[str, ...]
     recognises: Callable[[bytes], object]
     read: Callable[[Path, FileOptions], Table]
-
-
-class OnUse(Mapping[str, Value], Generic[Value]):
-    """Columns that are read from the file on each access."""
-
-    def __init__(self, readers: Mapping[str, Callable[[], Value]]) -> None:
-        self._readers = dict(readers)
-
-    def __getitem__(self, name: str) -> Value:
-        return self._readers[name]()
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._readers)
-
-    def __len__(self) -> int:
-        return len(self._readers)
 
 
 def load_extra(module: str, package: str, what: str) -> Any:  # noqa: ANN401 - a foreign module

@@ -1,9 +1,8 @@
-"""TDMS (LabVIEW): channels in groups, with their units, read on use."""
+"""TDMS (LabVIEW): channels in groups, with their units and clocks."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,16 +12,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.groups import StoredArray, attribute_lines, table_of_arrays
-from mrdamper.data.formats.table import (
-    FileOptions,
-    Layout,
-    OnUse,
-    Table,
-    Texts,
-    as_column,
-    load_extra,
-    shortest_names,
-)
+from mrdamper.data.formats.table import FileOptions, Layout, Table, as_column, load_extra, shortest_names
 from mrdamper.errors import InputError
 
 _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units")
@@ -31,70 +21,63 @@ _NUMBERS, _WORDS = "fiubmM", "OSU"  # values of NumPy's ``dtype.kind``
 
 def read_tdms(path: Path, options: FileOptions) -> Table:
     """Return the channels of a TDMS file, each with its start time and time step."""
-    with _opened(path) as file:
-        every = [
-            (_stored_array(path, channel, {**file.properties, **group.properties}), channel.dtype.kind)
-            for group in file.groups()
-            for channel in group.channels()
-            if options.part in {"", group.name}
-        ]
-        attributes = {group.name: {**file.properties, **group.properties} for group in file.groups()}
-        cut = bool(file.file_status.incomplete_final_segment)
-    found = [pair for pair in every if pair[0].size]
-    fault = "" if found or options.part else "holds no sample: it is empty, or cut off"
-    if cut and (len(found) < len(every) or not every):
-        empty = ", ".join([each.name for each, _ in every if not each.size][:5])
-        fault = f"is cut off before the first sample of {empty or 'its first channel'}"
-    if fault:
-        remedy = "Copy it again, or record again"
-        raise InputError(place=path.name, found=f"the TDMS file {fault}", remedy=remedy)
-    arrays = [each for each, kind in found if kind in _NUMBERS]
-    layout = Layout("TDMS file", part=options.part, notes=("cut off while recording",) if cut else ())
-    table = table_of_arrays(arrays, path, layout, {})
-    groups = {each.path[0] for each in arrays}
-    title = table.title or (groups.pop() if len(groups) == 1 else "")
-    inside = [(each, kind) for each, kind in found if title in {"", each.path[0]}]
-    words = [each.path for each, kind in inside if kind in _WORDS]
-    texts = dict(zip(shortest_names(words), words, strict=True))
-    columns, names = iter(table.names), iter(texts)
-    order = [next(names if kind in _WORDS else columns) for _, kind in inside if kind in _NUMBERS + _WORDS]
-    return replace(
-        table,
-        names=(*order, *columns),
-        texts=OnUse({name: partial(_words, path, *where) for name, where in texts.items()}),
-        title=title,
-        said=attribute_lines(attributes.get(title, {})),
-    )
-
-
-def _stored_array(path: Path, channel: Any, outer: Mapping[str, object]) -> StoredArray:  # noqa: ANN401
-    """Return a channel as an array. ``outer`` are the properties of file and group."""
-    named = next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "")
-    return StoredArray(
-        (channel.group_name, channel.name),
-        len(channel),
-        partial(_numbers, path, channel.group_name, channel.name),
-        "s" if channel.dtype.kind in "mM" else named,
-        {**outer, **channel.properties},
-    )
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[Any]:
     nptdms = load_extra("nptdms", "npTDMS", "TDMS files")
     with (
         path.open("rb") as stream,  # npTDMS would leave a damaged file open.
         nptdms.TdmsFile.open(stream) as file,
     ):
-        yield file
+        groups = [group for group in file.groups() if options.part in {"", group.name}]
+        channels = [channel for group in groups for channel in group.channels()]
+        is_cut = bool(file.file_status.incomplete_final_segment)
+        _require_samples(channels, path, is_cut=is_cut, is_whole=not options.part)
+        found = [channel for channel in channels if len(channel)]
+        attributes = {group.name: {**file.properties, **group.properties} for group in groups}
+        arrays = [
+            _stored_array(channel, attributes[channel.group_name])
+            for channel in found
+            if channel.dtype.kind in _NUMBERS
+        ]
+        notes = ("cut off while recording",) if is_cut else ()
+        table = table_of_arrays(arrays, path, Layout("TDMS file", part=options.part, notes=notes), {})
+        names = {each.path[0] for each in arrays}
+        title = table.title or (names.pop() if len(names) == 1 else "")
+        inside = [channel for channel in found if title in {"", channel.group_name}]
+        words = [channel for channel in inside if channel.dtype.kind in _WORDS]
+        labels = shortest_names([(channel.group_name, channel.name) for channel in words])
+        texts = {
+            name: [None if cell is None else str(cell) for cell in channel[:]]
+            for name, channel in zip(labels, words, strict=True)
+        }
+    columns, labels_left = iter(table.names), iter(labels)
+    kinds = [channel.dtype.kind for channel in inside]
+    order = [next(labels_left if kind in _WORDS else columns) for kind in kinds if kind in _NUMBERS + _WORDS]
+    said = attribute_lines(attributes.get(title, {}))
+    return replace(table, names=(*order, *columns), texts=texts, title=title, said=said)
 
 
-def _numbers(path: Path, group: str, channel: str) -> FloatArray:
+def _require_samples(channels: Sequence[Any], path: Path, *, is_cut: bool, is_whole: bool) -> None:
+    """Raise InputError if a file has no samples, or was cut off before the first sample of a channel."""
+    empty = [channel.name for channel in channels if not len(channel)]
+    fault = "holds no sample: it is empty, or cut off" if is_whole and len(empty) == len(channels) else ""
+    if is_cut and (empty or not channels):
+        fault = f"is cut off before the first sample of {', '.join(empty[:5]) or 'its first channel'}"
+    if fault:
+        remedy = "Copy it again, or record again"
+        raise InputError(place=path.name, found=f"the TDMS file {fault}", remedy=remedy)
+
+
+def _stored_array(channel: Any, outer: Mapping[str, object]) -> StoredArray:  # noqa: ANN401
+    """Return a channel as an array. ``outer`` are the properties of file and group."""
+    named = next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "")
+    return StoredArray(
+        (channel.group_name, channel.name),
+        len(channel),
+        partial(_numbers, channel),
+        "s" if channel.dtype.kind in "mM" else named,
+        {**outer, **channel.properties},
+    )
+
+
+def _numbers(channel: Any) -> FloatArray:  # noqa: ANN401 - npTDMS has no types
     """Return the samples of a channel. Times are in seconds from the first time."""
-    with _opened(path) as file:
-        return as_column(np.asarray(file[group][channel][:]))[0]
-
-
-def _words(path: Path, group: str, channel: str) -> Texts:
-    with _opened(path) as file:
-        return [None if cell is None else str(cell) for cell in file[group][channel][:]]
+    return as_column(np.asarray(channel[:]))[0]
