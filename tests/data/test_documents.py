@@ -76,15 +76,23 @@ def open_document(folder: Path) -> None:
         *([n, i, 30] for n, i in zip(NAMES, CURRENTS, strict=True)),
     ]
     rows = "".join(
-        "<t:table-row>"
-        + "".join(f"<t:table-cell><x:p>{cell}</x:p></t:table-cell>" for cell in row)
-        + '<t:table-cell t:number-columns-repeated="1020"/></t:table-row>'
+        "<table:table-row>"
+        + "".join(
+            f'<table:table-cell office:value-type="string"><text:p>{cell}</text:p></table:table-cell>'
+            for cell in row
+        )
+        + '<table:table-cell table:number-columns-repeated="1020"/></table:table-row>'
         for row in cells
     )
+    spaces = " ".join(f'xmlns:{kind}="{name}:{kind}:1.0"' for kind in ("office", "table", "text"))
     text = (
-        f'<o:d xmlns:o="{name}:office:1.0" xmlns:t="{name}:table:1.0" xmlns:x="{name}:text:1.0">{rows}</o:d>'
+        f"<office:document-content {spaces}><office:body><office:spreadsheet>"
+        f'<table:table table:name="Plan">{rows}</table:table>'
+        "</office:spreadsheet></office:body></office:document-content>"
     )
     with zipfile.ZipFile(folder / "plan.ods", "w") as file:
+        file.writestr("mimetype", "application/vnd.oasis.opendocument.spreadsheet")
+        file.writestr("META-INF/manifest.xml", "<manifest/>")
         file.writestr("content.xml", text)
 
 

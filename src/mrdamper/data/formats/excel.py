@@ -11,10 +11,10 @@ import zipfile
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import date, datetime, time, timedelta
+from functools import reduce
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 from mrdamper.data.formats.lines.encodings import TextInMemory
 from mrdamper.data.formats.lines.header import find_data, find_decimal, holds_samples
@@ -26,13 +26,7 @@ from mrdamper.errors import InputError
 ZIP_SIGNATURE = b"PK\x03\x04"
 WORKBOOK_SIGNATURES = (ZIP_SIGNATURE, b"\xd0\xcf\x11\xe0")  # The second one is that of .xls files.
 _PIECE_BYTES = 1 << 20
-_TABLE = "{urn:oasis:names:tc:opendocument:xmlns:table:1.0}"
-_OFFICE = "{urn:oasis:names:tc:opendocument:xmlns:office:1.0}"
 _CELL = re.compile(rb"\br\s*=\s*[\"']([A-Za-z]{1,9})(\d{1,12})[\"']")
-
-# A row of a sheet in an OpenDocument file (.ods).
-_ROW = re.compile(rb"<table:table-row.*?</table:table-row>", re.DOTALL)
-_REPEATED = {kind: re.compile(rf'{kind}-repeated="(\d{{1,9}})"'.encode()) for kind in ("rows", "columns")}
 
 Row = list[Any]
 
@@ -57,7 +51,8 @@ def read_workbook(path: Path, options: FileOptions) -> Table:
         if find_data(lines, "\t")[1] is not None:
             found.append((name, lines, chain(above, rows)))
     # A sheet that contains the names of several other sheets is a list of runs.
-    listing = {name for name in sheets if len(_cells(sheets[name]) & ({*names} - {name})) > 1}
+    cells = {name: "\t".join(lines).split("\t") for name, lines in sheets.items()}
+    listing = {name for name in sheets if len({*cells[name]} & ({*names} - {name})) > 1}
     found = [each for each in found if each[0] not in listing and holds_samples(each[1], "\t")] or found
     if not found:
         raise NoTableError(
@@ -71,14 +66,8 @@ def read_workbook(path: Path, options: FileOptions) -> Table:
     return replace(_table(path, name, list(every), options), more=more, lists=lists)
 
 
-def _cells(lines: Sequence[str]) -> set[str]:
-    return {cell.strip() for line in lines for cell in line.split("\t")}
-
-
 def sheet_lines(path: Path) -> list[str]:
     """Return all rows of an Excel or OpenDocument file, with tabs between the cells."""
-    if path.suffix.lower() == ".ods":
-        return _open_document_lines(path)
     book = _open(path)
     sheets = [_merged_rows(book.get_sheet_by_name(name)) for name in book.sheet_names]
     return ["\t".join(map(_spelled, row)) for rows in sheets for row in rows]
@@ -92,23 +81,6 @@ def _merged_rows(sheet: Any) -> list[Row]:  # noqa: ANN401 - python-calamine has
         for row in rows[first + 1 : last + 1]:
             row[column - left] = rows[first][column - left]
     return rows
-
-
-def _open_document_lines(path: Path) -> list[str]:
-    with zipfile.ZipFile(path) as archive:
-        is_large = archive.getinfo("content.xml").file_size > SETTINGS.whole_file_max_bytes
-        text = b"<!DOCTYPE" if is_large else archive.read("content.xml")
-    if b"<!DOCTYPE" in text:
-        raise InputError(place=path, found="is no sheet", remedy="Save it as .xlsx or CSV")
-    rows: list[list[str]] = []
-    for row in ElementTree.fromstring(text).iter(f"{_TABLE}table-row"):
-        cells: list[str] = []
-        for cell in row:
-            count = min(int(cell.get(f"{_TABLE}number-columns-repeated", "1")), SETTINGS.table_columns_max)
-            cells += [cell.get(f"{_OFFICE}value") or " ".join("".join(cell.itertext()).split())] * count
-        rows.append("\t".join(cells).rstrip("\t").split("\t"))
-    width = max(map(len, rows), default=0)
-    return ["\t".join([*row, *[""] * (width - len(row))]) for row in rows]
 
 
 def _open(path: Path) -> Any:  # noqa: ANN401 - python-calamine has no types
@@ -157,46 +129,24 @@ def _require_harmless(path: Path) -> None:
         if sum(member.file_size for member in members) > SETTINGS.workbook_unpacked_max_bytes:
             found = f"unpacks to more than {SETTINGS.workbook_unpacked_max_bytes >> 20} MB"
             raise InputError(place=path, found=found, remedy="Export it as CSV")
-        for member in members:
-            if member.filename == "content.xml":
-                _require_few_repeats(path, archive.read(member))
-            if member.filename.startswith("xl/worksheets/"):
-                _require_few_cells(path, archive, member)
+        for name in names:
+            if name.startswith("xl/worksheets/"):
+                _require_few_cells(path, archive, name)
 
 
-def _require_few_repeats(path: Path, content: bytes) -> None:
-    """Raise InputError if repeated rows and cells of an OpenDocument sheet need too much memory."""
-    cells = 0
-    for row in _ROW.findall(content):
-        # Rows without a value are not counted: programs repeat the last, empty row up to a million times.
-        if b"office:value" in row:
-            times, wide = (sum(map(int, _REPEATED[kind].findall(row))) for kind in ("rows", "columns"))
-            cells += max(times, 1) * (wide + row.count(b"<table:table-cell"))
-    if cells > SETTINGS.sheet_cells_max:
-        raise InputError(
-            place=path, found=f"spans {cells} cells", expected=f"at most {SETTINGS.sheet_cells_max}"
-        )
-
-
-def _require_few_cells(path: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> None:
+def _require_few_cells(path: Path, archive: zipfile.ZipFile, sheet: str) -> None:
     """Raise InputError if a sheet has too many cells for the memory."""
     tail, row, column = b"", 0, 0
-    with archive.open(member) as stream:
+    with archive.open(sheet) as stream:
         while piece := stream.read(_PIECE_BYTES):
             for letters, digits in set(_CELL.findall(tail + piece)):
-                row, column = max(row, int(digits)), max(column, _column_number(letters))
+                number = reduce(lambda total, letter: 26 * total + letter - 64, letters.upper(), 0)
+                row, column = max(row, int(digits)), max(column, number)
             tail = piece[-40:]
             if row * column > SETTINGS.sheet_cells_max:
                 raise InputError(
                     place=path,
-                    found=f"{member.filename} spans {row} rows and {column} columns",
+                    found=f"{sheet} spans {row} rows and {column} columns",
                     expected=f"at most {SETTINGS.sheet_cells_max} cells",
                     remedy="Delete the cells far from the table, or export it as CSV",
                 )
-
-
-def _column_number(letters: bytes) -> int:
-    number = 0
-    for letter in letters.upper():
-        number = 26 * number + letter - 64
-    return number

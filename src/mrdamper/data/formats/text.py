@@ -8,7 +8,8 @@ from __future__ import annotations
 import io
 import itertools
 import re
-from collections.abc import Iterator, Mapping, Sequence
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 
@@ -17,7 +18,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.clocks import with_samplings
 from mrdamper.data.formats.lines.blocks import find_blocks
-from mrdamper.data.formats.lines.cells import Cells, cells_of_text, is_number, with_dates
+from mrdamper.data.formats.lines.cells import cells_of_text, is_number, with_dates
 from mrdamper.data.formats.lines.encodings import (
     READ_AS,
     UTF8,
@@ -103,13 +104,13 @@ def read_text(path: TextSource, options: FileOptions) -> Table:
     return _table(path, found)
 
 
-def _table(path: TextSource, found: _Found, stop: int | None = None) -> Table:
+def _table(path: TextSource, found: _Found, stop: int = sys.maxsize) -> Table:
     """Return the table of the rows from ``found.start`` to byte ``stop``, with factors of the header."""
     header = found.header
     table = parse_rows(path, found.start, header.names, found.layout, stop)
     table = replace(table, said=header.said)
     count = next((stated[1] for line in header.said if (stated := _COUNT.fullmatch(line))), "0")
-    if table.rows < int(count) and stop is None:
+    if table.rows < int(count) and stop == sys.maxsize:
         raise InputError(
             place=f"{path}",
             found=f"holds {table.rows} samples where its header states {count}: it was cut off",
@@ -233,8 +234,7 @@ def _with_joined_signs(path: TextSource, head: Head, options: FileOptions) -> Ta
     if not len(counts) == 1 < len(others):
         return None
     text = _content(path).decode(head.encoding).replace("\f", "\n")
-    source = TextInMemory(f"{path}", _LONE_SIGN.sub(r"\1\2", text).encode())
-    return read_text(source, options)
+    return read_text(TextInMemory(f"{path}", _LONE_SIGN.sub(r"\1\2", text).encode()), options)
 
 
 def _transposed(path: TextSource, head: Head, options: FileOptions) -> Table | None:
@@ -247,11 +247,8 @@ def _transposed(path: TextSource, head: Head, options: FileOptions) -> Table | N
     long = [row for row in rows if len(row) > max(SETTINGS.table_columns_max, len(rows))]
     if len(long) < 2 or any(is_number(row[0]) or not is_number(row[-1]) for row in long):
         return None
-    above = ["\t".join(row) for row in rows if row not in long]
-    turned = [*above, "", *("\t".join(cells) for cells in zip_longest(*long, fillvalue=""))]
-    source = TextInMemory(f"{path}", "\n".join([*turned, ""]).encode())
-    table = read_text(source, FileOptions(delimiter="\t", decimal=options.decimal))
-    return replace(table, layout=replace(table.layout, notes=(*table.layout.notes, "a row for each channel")))
+    above = [row for row in rows if row not in long]
+    return _rearranged(path, above, zip_longest(*long, fillvalue=""), options, "a row for each channel")
 
 
 def _without_notes_beside(path: TextSource, head: Head, options: FileOptions) -> Table | None:
@@ -270,15 +267,23 @@ def _without_notes_beside(path: TextSource, head: Head, options: FileOptions) ->
     are_apart = not any(row[last : last + 1] not in ([], [""]) for row in rows)
     if len(entries) < 2 or not are_apart or not all(cells[0][:1].isalpha() for cells in entries):
         return None
-    lines = [
-        split_line(line, delimiter)[first:last] for line in _content(path).decode(head.encoding).splitlines()
-    ]
-    above = ["\t".join(cells) for cells in entries]
-    source = TextInMemory(f"{path}", "\n".join([*above, "", *map("\t".join, lines), ""]).encode())
+    lines = _content(path).decode(head.encoding).splitlines()
+    cut = [split_line(line, delimiter)[first:last] for line in lines]
+    return _rearranged(path, entries, cut, options, "notes next to the samples")
+
+
+def _rearranged(
+    path: TextSource,
+    above: Sequence[Sequence[str]],
+    rows: Iterable[Sequence[str]],
+    options: FileOptions,
+    note: str,
+) -> Table:
+    """Return the table of rearranged cells: lines above the table, then its rows."""
+    text = "\n".join(map("\t".join, [*above, [], *rows, []]))
+    source = TextInMemory(f"{path}", text.encode())
     table = read_text(source, FileOptions(delimiter="\t", decimal=options.decimal))
-    return replace(
-        table, layout=replace(table.layout, notes=(*table.layout.notes, "notes next to the samples"))
-    )
+    return replace(table, layout=replace(table.layout, notes=(*table.layout.notes, note)))
 
 
 def read_head(path: TextSource) -> Head:
@@ -305,7 +310,7 @@ def read_head(path: TextSource) -> Head:
 
 
 def parse_rows(
-    path: TextSource, start: int, names: Sequence[str], layout: Layout, stop: int | None = None
+    path: TextSource, start: int, names: Sequence[str], layout: Layout, stop: int = sys.maxsize
 ) -> Table:
     """Return the columns of the rows from byte ``start`` to byte ``stop`` or the end.
 
@@ -314,7 +319,7 @@ def parse_rows(
     """
     order = distinct_names(names)
     stamps: dict[int, Timestamps] = {}
-    blocks = list(_column_blocks(path, start, layout, order, stop, stamps=stamps))
+    blocks = list(_column_blocks(path, start, stop, layout, order, stamps))
     numbers: dict[str, FloatArray] = {}
     words: dict[str, Texts] = {}
     for k, title in enumerate(order):
@@ -350,10 +355,9 @@ def _add_milliseconds(numbers: dict[str, FloatArray], clock: str, beside: Sequen
 def _column_blocks(
     path: TextSource,
     start: int,
+    stop: int,
     layout: Layout,
     order: Sequence[str],
-    stop: int | None,
-    *,
     stamps: dict[int, Timestamps],
 ) -> Iterator[list[FloatArray | Texts]]:
     """Generate the columns of each block. The first block decides if a column has numbers or texts.
@@ -368,50 +372,40 @@ def _column_blocks(
             numeric = [True] * len(plain)
             yield plain
             continue
-        columns = with_dates(_parse_block(path, content, layout, len(order), first_line))
-        for k, column in list(columns.items()):
+        text = content.decode(encoding_of(path, content))
+        columns = with_dates(cells_of_text(text, layout, len(order), first_line))
+        for k, column in enumerate(columns):
             if k in stamps:
                 columns[k] = column.as_times(stamps[k])
             elif not numeric and column.mostly_text:
                 times = column.as_times(reader := Timestamps())
                 if not times.mostly_text:
                     columns[k], stamps[k] = times, reader
-        numeric = numeric or [not columns[k].mostly_text for k in range(len(order))]
-        for k in columns:
-            if numeric[k] and columns[k].bad:
-                row, cell = columns[k].first_bad()
-                wanted_cell = "time" if k in stamps else "number"
+        numeric = numeric or [not column.mostly_text for column in columns]
+        for k, column in enumerate(columns):
+            if numeric[k] and column.bad:
+                row, cell = column.first_bad()
                 raise InputError(
                     place=f"{path}, line {row}",
-                    found=f"column {order[k]!r} holds {cell!r} ({columns[k].bad} such cells)",
-                    expected=f"a {wanted_cell}",
+                    found=f"column {order[k]!r} holds {cell!r} ({column.bad} such cells)",
+                    expected=f"a {'time' if k in stamps else 'number'}",
                     remedy="Correct the cell, or leave it out with its row",
                 )
-        yield [columns[k].numbers if numeric[k] else columns[k].texts for k in range(len(order))]
+        yield [c.numbers if is_numeric else c.texts for c, is_numeric in zip(columns, numeric, strict=True)]
 
 
-def _blocks(path: TextSource, start: int, stop: int | None, first_line: int) -> Iterator[tuple[bytes, int]]:
+def _blocks(path: TextSource, start: int, stop: int, first_line: int) -> Iterator[tuple[bytes, int]]:
     """Generate blocks of whole lines of a file, each with the number of its first line."""
-    rest = b""
     with open_text_bytes(path) as stream:
         stream.seek(start)
-        while piece := stream.read(_BLOCK_BYTES if stop is None else min(_BLOCK_BYTES, stop - stream.tell())):
-            if b"\0" in piece:
+        while (left := stop - stream.tell()) > 0 and (lines := stream.readlines(min(_BLOCK_BYTES, left))):
+            content = b"".join(lines)[:left]
+            if b"\0" in content:
                 found = f"holds zero bytes after about line {first_line}"
                 remedy = "The file was cut off while it was written: cut the rest off, or record again"
                 raise InputError(place=f"{path}", found=found, remedy=remedy)
-            content = rest + piece
-            cut = content.rfind(b"\n") + 1
-            if not cut and len(content) >= _BLOCK_BYTES:
-                raise InputError(
-                    place=f"{path}", found=f"line {first_line} does not end", expected="rows of numbers"
-                )
-            if cut:
-                yield content[:cut], first_line
-                first_line += content.count(b"\n", 0, cut)
-            rest = content[cut:]
-    if rest.strip():
-        yield rest, first_line
+            yield content, first_line
+            first_line += len(lines)
 
 
 def _parse_numeric_block(content: bytes, layout: Layout, count: int) -> list[FloatArray | Texts] | None:
@@ -428,14 +422,3 @@ def _parse_numeric_block(content: bytes, layout: Layout, count: int) -> list[Flo
     except ValueError:
         return None
     return [np.ascontiguousarray(column) for column in columns] if len(columns) == count else None
-
-
-def _parse_block(
-    source: TextSource, content: bytes, layout: Layout, count: int, first_line: int
-) -> dict[int, Cells]:
-    """Return the columns of a block by index."""
-    if layout.delimiter == " ":
-        content = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", content)
-        content, layout = re.sub(rb"[ \t]+", b"\t", content), replace(layout, delimiter="\t")
-    text = content.decode(encoding_of(source, content))
-    return dict(enumerate(cells_of_text(text, layout, count, first_line)))

@@ -6,7 +6,7 @@ import csv
 import io
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -90,27 +90,29 @@ class Cells:
         return Cells(self.texts, [None if math.isnan(each) else each for each in seconds], self._lines)
 
 
-def with_dates(columns: Mapping[int, Cells]) -> dict[int, Cells]:
+def with_dates(columns: Sequence[Cells]) -> list[Cells]:
     """Return columns in which times of day are combined with the dates of an adjacent column."""
-    found = dict(columns)
-    for k, column in columns.items():
-        times = column.texts
-        first = moment_of(next(filter(None, times), "")) if column.mostly_text else None
+    found = [*columns]
+    for k, column in enumerate(columns):
+        first = moment_of(next(filter(None, column.texts), "")) if column.mostly_text else None
         if first is None or first.has_date:
             continue
-        for beside in (columns.get(k - 1), columns.get(k + 1)):
-            dates = [] if beside is None else beside.texts
-            if dates and not any(math.isnan(days_of(date)[0]) for date in {*dates}):
-                found[k] = column.with_dates(dates)
+        for beside in (*columns[max(k - 1, 0) : k], *columns[k + 1 : k + 2]):
+            if beside.texts and not any(math.isnan(days_of(date)[0]) for date in {*beside.texts}):
+                found[k] = column.with_dates(beside.texts)
     return found
 
 
 def cells_of_text(content: str, layout: Layout, count: int, first_line: int) -> list[Cells]:
     """Return the columns of a block without empty rows and comments."""
+    delimiter = layout.delimiter
+    if delimiter == " ":
+        delimiter = "\t"
+        content = re.sub(r"[ \t]+", "\t", re.sub(r"(?m)^[ \t]+|[ \t]+(?=\r?$)", "", content))
     rows: list[list[str | None]] = []
     lines: list[int] = []
     text = io.StringIO(content, newline="")
-    reader = csv.reader(text, delimiter=layout.delimiter, skipinitialspace=True)
+    reader = csv.reader(text, delimiter=delimiter, skipinitialspace=True)
     number = first_line
     for row in reader:
         cells = [cell.strip(_AROUND) or None for cell in row[:count]]
