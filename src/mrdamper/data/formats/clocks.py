@@ -12,7 +12,6 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 
@@ -93,18 +92,12 @@ def stated_sampling(settings: Mapping[str, object]) -> Sampling | None:
     return Sampling(step, offset, began, has_unit)
 
 
-def with_samplings(
-    table: Table, stated: Mapping[str, Sampling | None], sizes: Mapping[str, int] | None = None
-) -> Table:
+def with_samplings(table: Table, stated: Mapping[str, Sampling | None]) -> Table:
     """Return a table with the clocks of its columns: one step for all, or a column of times for each clock.
 
-    Parameters
-    ----------
-    stated : column name -> sampling that the file states for the column
-    sizes : column name -> number of samples; None: count the samples. A column of one number has no clock.
+    ``stated`` has the sampling that the file states for a column. A column of one number has no clock.
     """
-    counts = sizes or {name: len(values) for name, values in table.columns.items()}
-    channels = {name: size for name, size in counts.items() if size > 1}
+    channels = {name: len(values) for name, values in table.columns.items() if len(values) > 1}
     known = {name: each for name in channels if (each := stated.get(name)) is not None}
     if not known or not min(known.values(), key=lambda each: each.step_s).is_plausible:
         return table
@@ -113,12 +106,10 @@ def with_samplings(
     known = _with_begin(known)
     starts = {name: (each.began_s or 0.0) + each.offset_s for name, each in known.items()}
     zero = min(starts.values())
-
-    @cache  # Channels with the same start, step and size share one array.
-    def times_of(start_s: float, step_s: float, size: int) -> FloatArray:
-        return np.asarray(start_s + step_s * np.arange(size), dtype=np.float64)
-
-    times = {name: times_of(starts[name] - zero, each.step_s, channels[name]) for name, each in known.items()}
+    times = {
+        name: np.asarray(starts[name] - zero + each.step_s * np.arange(channels[name]), dtype=np.float64)
+        for name, each in known.items()
+    }
     clocked = with_times(replace(table, start=start), times)
     clocks = dict(clocked.clocks)
     # A channel without a stated clock uses the only clock that has as many samples.
@@ -131,15 +122,20 @@ def with_samplings(
     return replace(clocked, clocks=clocks)
 
 
-def with_times(table: Table, times: Mapping[str, FloatArray]) -> Table:
-    """Return a table with an additional time column for each different clock."""
+def with_times(
+    table: Table, times: Mapping[str, FloatArray], titles: Mapping[str, str] | None = None
+) -> Table:
+    """Return a table with an additional time column for each different clock.
+
+    ``titles`` has the name of the clock of each column. Without titles, the clocks are numbered.
+    """
     clocks: dict[str, FloatArray] = {}
     clock_of: dict[str, str] = {}
     for name, values in times.items():
         same = (clock for clock, other in clocks.items() if is_same_clock(other, values))
-        clock_of[name] = next(same, f"clock {len(clocks) + 1}")
+        clock_of[name] = next(same, titles[name] if titles else f"clock {len(clocks) + 1}")
         clocks.setdefault(clock_of[name], values)
-    if len(clocks) == 1 and "time" not in table.names:
+    if len(clocks) == 1 and not titles and "time" not in table.names:
         clocks, clock_of = {"time": clocks["clock 1"]}, dict.fromkeys(clock_of, "time")
     numbers = {clock: number for number, clock in enumerate(clocks)}
     return replace(
@@ -154,8 +150,8 @@ def with_times(table: Table, times: Mapping[str, FloatArray]) -> Table:
 
 def is_same_clock(times: FloatArray, other: FloatArray) -> bool:
     """Return True if the times of two channels differ by at most a hundredth of a step."""
-    if times is other or len(times) != len(other):
-        return times is other
+    if len(times) != len(other):
+        return False
     step = np.ptp(times) / max(len(times) - 1, 1)
     return bool((np.abs(times - other) <= SETTINGS.clock_tolerance_steps * step).all())
 

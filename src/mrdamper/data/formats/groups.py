@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.clocks import is_same_clock, is_setting_of_time, stated_sampling, with_samplings
+from mrdamper.data.formats.clocks import is_setting_of_time, stated_sampling, with_samplings, with_times
 from mrdamper.data.formats.lines.cells import number_in
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import SKIPPED, Layout, Table, as_text, require_room, shortest_names
@@ -100,30 +100,19 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
         if each.is_time:
             times.setdefault(each.path[:-1], name)
     if len(times) < 2:
-        stated = {name: stated_sampling(each.settings) for name, each in arrays.items()}
-        return with_samplings(table, stated, {name: each.size for name, each in arrays.items()})
+        return with_samplings(table, {name: stated_sampling(each.settings) for name, each in arrays.items()})
     own: dict[str, str] = {}  # column -> the column of its times
     for name, each in arrays.items():
         groups = (each.path[:k] for k in range(len(each.path), -1, -1))
         time = next((times[group] for group in groups if group in times), name)
         if time != name and each.size > 1 and arrays[time].size == each.size:
             own[name] = time
-    clocks: dict[str, FloatArray] = {}
-    clock_of: dict[str, str] = {}  # column of times -> the first column with equal times
-    for time in dict.fromkeys(own.values()):
-        values = table.columns[time]
-        clock_of[time] = next((other for other, same in clocks.items() if is_same_clock(values, same)), time)
-        clocks.setdefault(clock_of[time], values)
-    number_of = {name: number for number, name in enumerate(clocks)}
-    again = {*times.values()} - {*clocks} if clocks else set()
-    return replace(
-        table,
-        names=tuple(name for name in table.names if name not in again),
-        columns={name: values for name, values in table.columns.items() if name not in again},
-        units={name: unit for name, unit in table.units.items() if name not in again},
-        clocks=number_of | {name: number_of[clock_of[time]] for name, time in own.items()},
-        recorded_apart=bool(clocks),
-    )
+    if not own:
+        return table
+    columns = {name: values for name, values in table.columns.items() if name not in times.values()}
+    units = {name: unit for name, unit in table.units.items() if name not in times.values()}
+    bare = replace(table, names=tuple(columns), columns=columns, units=units)
+    return with_times(bare, {name: table.columns[time] for name, time in own.items()}, own)
 
 
 def rename_by_structures(arrays: Iterable[StoredArray]) -> list[StoredArray]:

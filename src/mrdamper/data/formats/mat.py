@@ -6,11 +6,11 @@ import io
 import math
 import re
 import struct
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from mrdamper.data.formats.settings import SETTINGS
-from mrdamper.data.formats.table import FileOptions, Table, require_held, require_room
+from mrdamper.data.formats.table import FileOptions, Table, require_held
 from mrdamper.data.formats.variables import table_of_variables
 
 # Smallest size of an element by kind [bytes]. A number has at least one byte.
@@ -47,15 +47,10 @@ def read_mat(path: Path, options: FileOptions) -> Table:
         parts = [("", io.BytesIO(stream.read()))] if _is_version_4(head) else varmats_from_mat(stream)
     part: Any  # whosmat and loadmat also read buffers, although the type stubs of SciPy allow only paths.
     for name, part in parts:
-        try:
-            held = whosmat(part)
-        except TypeError:  # whosmat fails for an object, which has no shape.
-            require_room(part.getbuffer().nbytes * SETTINGS.unpacked_ratio_max, path, name)
-            held = []
-        for _, shape, kind in held:
-            count = math.prod(abs(int(n)) for n in shape)  # The sizes in a damaged file can be negative.
-            require_room(count, path, name)
-            require_held(count, _LEAST_BYTES.get(kind, 1), path, name)
+        with suppress(TypeError):  # whosmat fails for an object, which has no shape.
+            for _, shape, kind in whosmat(part):
+                count = math.prod(abs(int(n)) for n in shape)  # A size in a damaged file can be negative.
+                require_held(count, _LEAST_BYTES.get(kind, 1), path, name)
         part.seek(0)
         read = loadmat(part, simplify_cells=True)
         for key, value in read.items():

@@ -23,7 +23,6 @@ from mrdamper.data.formats.table import (
     as_column,
     load_extra,
     require_held,
-    require_room,
 )
 from mrdamper.data.formats.timestamps import moment_of
 from mrdamper.errors import InputError
@@ -74,7 +73,6 @@ def _arrays(file: Any, path: Path) -> Iterator[StoredArray]:  # noqa: ANN401 - a
         samples = int(group.channel_group.cycles_nr)
         if samples < 1:
             continue
-        require_room(samples, path, title)
         require_held(samples, int(group.channel_group.samples_byte_nr), path, title)
         clock = partial(_samples, file, g, _CLOCK_INDEX)
         yield StoredArray((title, "time"), samples, clock, "s", is_clock=True)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from mrdamper.data.formats.settings import SETTINGS
-from mrdamper.data.formats.table import FileOptions, Table, require_held, require_room
+from mrdamper.data.formats.table import FileOptions, Table, require_held
 from mrdamper.data.formats.variables import table_of_variables
 from mrdamper.errors import InputError
 
@@ -32,9 +32,7 @@ def read_npz(path: Path, options: FileOptions) -> Table:
                 first = np.lib.format.read_magic(member) == (1, 0)
                 read = np.lib.format.read_array_header_1_0 if first else np.lib.format.read_array_header_2_0
                 shape, _, kind = read(member)
-            count = math.prod(shape)
-            require_room(count, path, name)
-            require_held(count, kind.itemsize, path, name)
+            require_held(math.prod(shape), kind.itemsize, path, name)
             if kind.hasobject:
                 pickled.append(name)
         variables = {name: _as_plain_value(archive[name]) for name in archive.files if name not in pickled}

@@ -79,6 +79,18 @@ def _groups_of(cell: str) -> tuple[str | None, ...] | None:
     return None if match is None else match.groups()
 
 
+def _seconds_of_day(groups: tuple[str | None, ...]) -> float:
+    """Return the time of day [s] minus its offset from UTC, NaN if it is invalid."""
+    hour, minute, second, fraction = (float(text or 0) for text in (*groups[1:4], f"0.{groups[4] or 0}"))
+    if groups[5]:
+        hour = hour % 12.0 + 12.0 * (groups[5].lower() == "pm")
+    if hour >= 24.0 or minute >= 60.0 or second >= 61.0:
+        return math.nan
+    offset_s = 3600.0 * float(groups[8] or 0) + 60.0 * float(groups[9] or 0)
+    seconds = 3600.0 * hour + 60.0 * minute + second + fraction
+    return seconds + offset_s if groups[7] == "-" else seconds - offset_s
+
+
 def days_of(text: str | None) -> tuple[float, float]:
     """Return the days from 1970 to a date, read with the day first and with the month first.
 
@@ -155,12 +167,9 @@ class Timestamps:
 
         ``cells`` is the next part of the column.
         """
-        dates, is_utc, read = _parts(cells)
-        hours, minutes, whole, rest, twelve, pm, offset_s = read
-        hours = np.where(twelve > 0.0, hours % 12.0 + 12.0 * pm, hours)
-        of_day = 3600.0 * hours + 60.0 * minutes + whole + rest
-        of_day[~((hours < 24.0) & (minutes < 60.0) & (whole < 61.0))] = np.nan
-        of_day -= offset_s
+        found = [_groups_of(cell) if cell else None for cell in cells]
+        of_day = np.array([math.nan if each is None else _seconds_of_day(each) for each in found])
+        dates = [each[0] if each else None for each in found]
         days = self._days(dates, of_day)
         there = np.flatnonzero(np.isfinite(of_day) & np.isfinite(days))
         if self.first is None and len(there):
@@ -170,7 +179,8 @@ class Timestamps:
             readings = day if self._reading is None else (day[self._reading],) * 2
             has_date = not math.isnan(day[0])
             first, second = (DAY_S * (each if has_date else 0.0) + float(of_day[k]) for each in readings)
-            self.first = Moment(first, second, has_date=has_date, is_utc=is_utc[k])
+            is_utc = any((found[k] or ())[6:8])
+            self.first = Moment(first, second, has_date=has_date, is_utc=is_utc)
         first_day, first_s = self._start
         return np.asarray(DAY_S * (days - first_day) + (of_day - first_s), dtype=np.float64)
 
@@ -214,22 +224,3 @@ def _reading_of(dates: Iterable[str]) -> int | None:
         if day == month and len({*re.split(r"[-./]", text)[:2]}) == 2
     }
     return forced.pop() if len(forced) == 1 else None
-
-
-def _parts(cells: Texts) -> tuple[Texts, list[bool], list[FloatArray]]:
-    """Return the dates, the UTC flags, and the numeric parts of times, one array for each part.
-
-    The parts are hours, minutes, seconds, fractions, 12-hour flag, pm flag, and offset from UTC [s].
-    """
-    nothing = (None,) * 10
-    found = [(_groups_of(cell) if cell else None) or nothing for cell in cells]
-    read = np.array(
-        [
-            (*(math.nan if each is None else float(each) for each in (h, m, s)), float(f"0.{rest or 0}"),
-             float(half is not None), float((half or "").lower() == "pm"),
-             (-1.0 if sign == "-" else 1.0) * (3600.0 * float(away or 0) + 60.0 * float(beside or 0)))
-            for _, h, m, s, rest, half, _, sign, away, beside in found
-        ]
-    )  # fmt: skip
-    utc = [bool(groups[6] or groups[7]) for groups in found]
-    return [groups[0] for groups in found], utc, list(read.reshape(-1, 7).T)
