@@ -77,32 +77,27 @@ class Frame:
         units: dict[str, str] = {}
         for name, given in self.columns.items():
             values = np.atleast_1d(_without_mask(given))
-            if values.ndim != 1:
-                raise InputError(
-                    place=self.name, found=f"column {name!r} has shape {values.shape}", expected="(n,)"
-                )
-            if values.dtype.kind == "c":
-                raise InputError(place=self.name, found=f"column {name!r} is complex", expected="numbers")
+            if values.ndim != 1 or values.dtype.kind == "c":
+                found = f"column {name!r} has shape {values.shape} and type {values.dtype}"
+                raise InputError(place=self.name, found=found, expected="numbers of shape (n,)")
             if values.dtype.kind in "OUST" and any(isinstance(each, str) for each in values):
                 texts[name] = [each if isinstance(each, str) else None for each in values.tolist()]
                 continue
+            if values.dtype.kind == "O" and len(values) and isinstance(values[0], datetime | timedelta):
+                first = values[0] if isinstance(values[0], datetime) else timedelta()
+                values = (values - first).astype("timedelta64[ns]")
             try:
-                is_of_times = values.dtype.kind == "O" and isinstance(
-                    [*values, None][0], datetime | timedelta
-                )
-                numbers[name], units[name] = _seconds(values) if is_of_times else as_column(values)
+                numbers[name], units[name] = as_column(values)
             except (TypeError, ValueError) as fault:
-                raise InputError(
-                    place=self.name, found=f"column {name!r} ({fault})", expected="numbers"
-                ) from fault
+                found = f"column {name!r} ({fault})"
+                raise InputError(place=self.name, found=found, expected="numbers") from fault
         if len({len(values) for values in numbers.values()} - {1}) > 1:  # One number applies to all samples.
             sizes = ", ".join(f"{name} {len(values)}" for name, values in numbers.items())
             found = f"columns differ in length ({sizes})"
             raise InputError(place=self.name, found=found, expected="one value of each per sample")
         rows = max(map(len, numbers.values()), default=0)
         stated = {name: unit for name, unit in units.items() if unit}
-        layout = Layout("frame")
-        return Table((*self.columns,), numbers, texts, layout, rows, units=stated, title=self.name)
+        return Table((*self.columns,), numbers, texts, Layout("frame"), rows, units=stated, title=self.name)
 
 
 def _without_mask(given: Any) -> NDArray[Any]:  # noqa: ANN401 - an array, a series, or a number
@@ -110,12 +105,6 @@ def _without_mask(given: Any) -> NDArray[Any]:  # noqa: ANN401 - an array, a ser
     if isinstance(given, np.ma.MaskedArray) and given.dtype.kind in "iuf":
         return np.asarray(np.ma.filled(given.astype(np.float64), np.nan))
     return np.asarray(given)
-
-
-def _seconds(values: NDArray[Any]) -> tuple[FloatArray, str]:
-    """Convert time stamps (relative to the first one) or durations to seconds; return values and unit."""
-    start = values[0] if isinstance(values[0], datetime) else timedelta()
-    return np.array([(each - start).total_seconds() for each in values], dtype=np.float64), "s"
 
 
 def is_frame(given: object) -> bool:
@@ -136,7 +125,7 @@ def parts_of(given: Any) -> list[Any]:  # noqa: ANN401 - a path, run or frame, o
         expected = 'columns by name, such as {"time_s": t, "displacement_mm": x, "force_N": f, ...}'
         raise InputError(place="runs", found=found, expected=expected)
     if is_frame(given):
-        return [Frame("frame", _columns_of(given))]
+        given = {"frame": given}
     if isinstance(given, Mapping):
         return [Frame(str(name), _columns_of(each)) for name, each in given.items()]
     try:
@@ -159,15 +148,12 @@ def _columns_of(frame: Any) -> Mapping[str, Any]:  # noqa: ANN401 - of pandas, P
         return {name: frame[name] for name in frame.dtype.names or ()}
     if hasattr(frame, "collect"):  # The frame is lazy (Polars).
         frame = frame.collect()
-    names = [_name_of(name) for name in frame.columns]
-    again = sorted({name for name in names if names.count(name) > 1})
-    if again:
-        found = f"several columns are called {', '.join(map(repr, again))}"
+    columns = {_name_of(key): frame[key] for key in frame.columns}
+    if len(columns) < len(frame.columns):
+        found = f"several of the columns {', '.join(map(repr, columns))} have the same name"
         raise InputError(place="frame", found=found, remedy="Rename or drop the others")
-    columns = {name: frame[key] for name, key in zip(names, frame.columns, strict=True)}
     index: Any = getattr(frame, "index", None)
-    kind = getattr(getattr(index, "dtype", None), "kind", "")
-    if getattr(index, "name", None) or kind in {"m", "M"}:
+    if getattr(index, "name", None) or getattr(getattr(index, "dtype", None), "kind", "") in {"m", "M"}:
         return {_name_of(index.name or "time"): index} | columns
     return columns
 
@@ -177,12 +163,8 @@ def _name_of(name: object) -> str:
     if not isinstance(name, tuple):
         return str(name)
     words = [str(word) for word in name if str(word)]
-    if len(words) == 2 and roles_of_unit(words[1]):
-        return f"{words[0]} [{words[1]}]"
-    return " ".join(words)
-
-
-# ------------------------------------------------------------------------------------------- columns
+    has_unit = len(words) == 2 and roles_of_unit(words[1])
+    return f"{words[0]} [{words[1]}]" if has_unit else " ".join(words)
 
 
 def columns_by_name(
@@ -216,14 +198,10 @@ def columns_by_name(
             added[key] = value
             channels[role] = {"name": key}
     chosen = ChannelMap.from_dict({"channel": channels, "constant": constant}, "columns")
-    return _with_columns(given, added), chosen
-
-
-def _with_columns(given: Any, columns: Mapping[str, Any]) -> Any:  # noqa: ANN401
-    if not columns:
-        return given
+    if not added:
+        return given, chosen
     parts: Sequence[Any] = [Frame("frame", {})] if given is None else parts_of(given)
     if len(parts) != 1 or not isinstance(parts[0], Frame):
-        found = f"{', '.join(columns)} together with {', '.join(type(each).__name__ for each in parts)}"
+        found = f"{', '.join(added)} together with {', '.join(type(each).__name__ for each in parts)}"
         raise InputError(place="columns", found=found, expected="arrays with one frame, or alone")
-    return [replace(parts[0], columns={**parts[0].columns, **columns})]
+    return [replace(parts[0], columns={**parts[0].columns, **added})], chosen

@@ -181,33 +181,19 @@ def _read_all(
         if path.is_relative_to(space) or [each.name for each in files].count(path.name) > 1:
             relocate(found, path.name, f"{path}")
         unreadable.append(UnreadableFile(path, found))
-    unread = [item.path for item in unreadable]
-    joined, members = join_channel_files(unread, load_map(chosen), answers, documents)
-    warmed, logs = join_temperature_logs(
-        [*read, *joined],
-        [item.path for item in unreadable if item.path not in members],
-        load_map(chosen),
-        answers,
+    joined, members = join_channel_files(
+        [item.path for item in unreadable], load_map(chosen), answers, documents
     )
+    unread = [item.path for item in unreadable if item.path not in members]
+    warmed, logs = join_temperature_logs([*read, *joined], unread, load_map(chosen), answers)
     unreadable = [item for item in unreadable if item.path not in {*members, *logs}]
-    read = []
-    for path, file in _with_distinct_names(warmed):
-        kept = [replace(item, source=item.source.replace(f"{space}/", "")) for item in file.recordings]
-        read.append((_outside(path, space), replace(file, recordings=tuple(kept))))
-    runs = tuple(recording for _, file in read for recording in file.recordings)
-    objects = {path.suffix.lower() for path, _ in read} & GENERIC_SUFFIXES
-    foreign = {*GENERIC_SUFFIXES} - objects
-    ignored = [item for item in unreadable if _is_ignored(item, given | {*frames}, foreign)]
-    series = {_series_of(path) for path, _ in warmed} - {""}
-    ignored = [item for item in ignored if _series_of(item.path) not in series]
-    if not read and len(ignored) == len(unreadable):  # All errors are reported if there is no run.
-        ignored = []
-    faulty = tuple(
-        replace(each, path=_outside(each.path, space)) for each in unreadable if each not in ignored
-    )
+    ignored = _ignored_files(unreadable, [path for path, _ in warmed], given | {*frames})
+    faulty = [replace(each, path=_outside(each.path, space)) for each in unreadable if each not in ignored]
+    named_files = _with_distinct_names(warmed, space)
+    runs = tuple(recording for _, file in named_files for recording in file.recordings)
     stating_findings = (document.finding for document in documents if document.lines)
-    folder_findings = (*stating_findings, *logs.values(), *map(_no_run_finding, ignored))
-    return ReadFiles(tuple(read), faulty, runs, folder_findings)
+    findings = (*stating_findings, *logs.values(), *map(_no_run_finding, ignored))
+    return ReadFiles(tuple(named_files), tuple(faulty), runs, findings)
 
 
 def _outside(path: Path, space: Path) -> Path:
@@ -220,17 +206,23 @@ def _series_of(path: Path) -> str:
     return f"{path.parent / re.sub(r'[0-9]+', '#', path.name)}" if re.search(r"\d", path.stem) else ""
 
 
-def _is_ignored(file: UnreadableFile, given: set[Path], foreign: set[str]) -> bool:
-    """Return True if a file was found in a folder and contains no run.
+def _ignored_files(
+    unreadable: Sequence[UnreadableFile], read: Sequence[Path], given: set[Path]
+) -> list[UnreadableFile]:
+    """Return the files that were found in a folder and contain no run, or [] if all files are such files.
 
-    Parameters
-    ----------
-    given : paths that the user named; these files are never ignored
-    foreign : generic suffixes, such as .json, if no file with this suffix has a run
+    A file of a series is not ignored if another file of the series was ``read``. Paths that the user gave are
+    never ignored. A file with a generic suffix, such as .json, may be of any program.
     """
-    has_no_run = isinstance(file.fault, NoRunError | NoTableError)
-    is_object = file.path.suffix.lower() in foreign and not isinstance(file.fault, AskingError)
-    return (has_no_run or is_object) and file.path not in given
+    foreign = {*GENERIC_SUFFIXES} - {path.suffix.lower() for path in read}
+    series = {_series_of(path) for path in read} - {""}
+    ignored = []
+    for file in unreadable:
+        has_no_run = isinstance(file.fault, NoRunError | NoTableError)
+        is_object = file.path.suffix.lower() in foreign and not isinstance(file.fault, AskingError)
+        if (has_no_run or is_object) and file.path not in given and _series_of(file.path) not in series:
+            ignored.append(file)
+    return ignored if read or len(ignored) < len(unreadable) else []
 
 
 def _no_run_finding(file: UnreadableFile) -> Finding:
@@ -244,17 +236,24 @@ def _no_run_finding(file: UnreadableFile) -> Finding:
     )
 
 
-def _with_distinct_names(read: Sequence[tuple[Path, RigFile]]) -> list[tuple[Path, RigFile]]:
-    """Return the files with unique names of their runs. Equal names get the folder's name as a prefix."""
+def _with_distinct_names(read: Sequence[tuple[Path, RigFile]], space: Path) -> list[tuple[Path, RigFile]]:
+    """Return the files with unique names of their runs. Equal names get the folder's name as a prefix.
+
+    The paths and sources do not contain the temporary folder ``space``.
+    """
     runs = [recording for _, file in read for recording in file.recordings]
     names = iter(distinct_names([run.name for run in runs], [run.source for run in runs]))
     named = []
     for path, file in read:
         new = {recording.name: next(names) for recording in file.recordings}
-        recordings = tuple(replace(item, name=new[item.name]) for item in file.recordings)
+        recordings = tuple(
+            replace(item, name=new[item.name], source=item.source.replace(f"{space}/", ""))
+            for item in file.recordings
+        )
         findings = tuple(replace(item, run=new[item.run]) for item in file.findings)
         inferred = tuple(replace(item, run=new[item.run]) for item in file.inferred)
-        named.append((path, replace(file, recordings=recordings, findings=findings, inferred=inferred)))
+        shown = replace(file, recordings=recordings, findings=findings, inferred=inferred)
+        named.append((_outside(path, space), shown))
     return named
 
 

@@ -120,14 +120,10 @@ class RigRun(Recording, Picture):
 
     def between(self, from_s: float | None, to_s: float | None) -> RigRun:
         """Return the samples between two times [s], both included. None means the start or the end."""
-        kept = np.ones(len(self), dtype=bool)
-        if from_s is not None:
-            kept &= self.time >= from_s
-        if to_s is not None:
-            kept &= self.time <= to_s
-        cut: dict[str, Any] = {
-            name: column[kept] for name in CHANNELS if (column := getattr(self, name)) is not None
-        }
+        kept = self.time >= (-np.inf if from_s is None else from_s)
+        kept &= self.time <= (np.inf if to_s is None else to_s)
+        channels = ((name, getattr(self, name)) for name in CHANNELS)
+        cut: dict[str, Any] = {name: column[kept] for name, column in channels if column is not None}
         return replace(self, **cut)
 
 
@@ -154,12 +150,8 @@ class Dataset(Picture):
         return len(self.runs)
 
     def __repr__(self) -> str:
-        """Return the text form: one line for each of the first runs."""
-        lines = [f"  {run!r}" for run in self.runs[:8]]
-        more = len(self) - len(lines)
-        return "\n".join(
-            [f"Dataset of {len(self)} runs", *lines, *([f"  ... and {more} more"] if more else [])]
-        )
+        """Return the text form: one line for each run."""
+        return "\n".join([f"Dataset of {len(self)} runs", *(f"  {run!r}" for run in self.runs)])
 
     def __iter__(self) -> Iterator[RigRun]:
         return iter(self.runs)
@@ -183,8 +175,7 @@ class Dataset(Picture):
         for glob in globs:
             if not any(fnmatchcase(name, glob) for name in self.names):
                 raise unknown_name(f"pattern {glob!r} matches no run", glob, self.names)
-        chosen = (run for run in self.runs if any(fnmatchcase(run.name, glob) for glob in globs))
-        return self._part(chosen)
+        return self._part(run for run in self.runs if any(fnmatchcase(run.name, glob) for glob in globs))
 
     def split(self, hold_out: Sequence[str]) -> tuple[Dataset, Dataset]:
         """Return (training, held out): the runs that match a ``hold_out`` pattern are held out."""
@@ -192,9 +183,8 @@ class Dataset(Picture):
         held_out = self.select(*globs)
         training = self._part(run for run in self.runs if run not in held_out.runs)
         if self.runs and not training.runs:
-            raise InputError(
-                f"hold-out {', '.join(globs)} leaves no run to train on", remedy="hold out fewer runs"
-            )
+            found = f"hold-out {', '.join(globs)} leaves no run to train on"
+            raise InputError(found, remedy="hold out fewer runs")
         return training, held_out
 
     def _part(self, runs: Iterable[RigRun]) -> Dataset:
@@ -249,37 +239,31 @@ def command_slack(command: float) -> float:
 
 
 def _faults(run: RigRun) -> list[InputError]:
-    faults: list[InputError] = []
-    if not run.name:
-        faults.append(InputError("has no name", remedy="Pass a name"))
-    if run.command_unit not in {"A", "V"}:
-        faults.append(InputError(f"command unit is {run.command_unit!r}", expected="'A' or 'V'"))
     channels = channels_of(run)
     shapes = {name: array.shape for name, array in channels.items()}
-    if any(len(shape) != 1 for shape in shapes.values()) or len(set(shapes.values())) != 1:
+    if not run.name:
+        return [InputError("has no name", remedy="Pass a name")]
+    if run.command_unit not in {"A", "V"}:
+        return [InputError(f"command unit is {run.command_unit!r}", expected="'A' or 'V'")]
+    if {*shapes.values()} != {(len(run),)}:
         sizes = ", ".join(f"{name} {'x'.join(map(str, shape))}" for name, shape in shapes.items())
         found, remedy = f"channels differ in length ({sizes})", "Cut all channels to the same samples"
-        return [*faults, InputError(found, expected="one value of each per sample", remedy=remedy)]
-    if len(run.time) < LEAST_SAMPLES:
-        found, remedy = f"has {len(run.time)} samples", "Record a longer run, or leave the file out"
-        return [*faults, InputError(found, expected=f"at least {LEAST_SAMPLES}", remedy=remedy)]
-    for each in find_missing_numbers(run):
-        faults.append(InputError(each.found, expected="finite numbers", remedy=each.remedy))
-    if not all(np.isfinite(values).all() for values in channels.values()):
-        return faults
-    for each in find_time_faults(run.time):
-        faults.append(InputError(each.found, expected="even steps of time", remedy=each.remedy))
-    if not faults:
-        faults += _motion_faults(run)
+        return [InputError(found, expected="one value of each per sample", remedy=remedy)]
+    if len(run) < LEAST_SAMPLES:
+        found, remedy = f"has {len(run)} samples", "Record a longer run, or leave the file out"
+        return [InputError(found, expected=f"at least {LEAST_SAMPLES}", remedy=remedy)]
+    if missing := [*find_missing_numbers(run)]:
+        return [InputError(each.found, expected="finite numbers", remedy=each.remedy) for each in missing]
+    faults = [
+        InputError(each.found, expected="even steps of time", remedy=each.remedy)
+        for each in find_time_faults(run.time)
+    ] or _motion_faults(run)
     if np.ptp(run.force) < 1e-6:  # A force with a smaller range is numerically constant.
         found = f"force never changes ({run.force[0]:g} N at every sample)"
         remedy = "Check which column holds the force"
         faults.append(InputError(found, expected="a load cell's signal", remedy=remedy))
-    return faults + [
-        InputError(each.found, remedy=each.remedy)
-        for each in find_implausible_sizes(run)
-        if each.channel != "displacement"
-    ]
+    sizes_found = (each for each in find_implausible_sizes(run) if each.channel != "displacement")
+    return faults + [InputError(each.found, remedy=each.remedy) for each in sizes_found]
 
 
 def channels_of(recording: Recording) -> dict[str, FloatArray]:
@@ -320,13 +304,10 @@ def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
             continue
         k, few = int(outside[0]), len(outside) < 0.01 * len(values)
         worst = float(values[outside][np.argmax(np.abs(values[outside]))])
-        sizes = f"{worst:.4g} {unit}", f"{low:g} to {high:g} {unit}"
-        hint = ""
+        sizes, hint = (f"{worst:.4g} {unit}", f"{low:g} to {high:g} {unit}"), ""
         if role == "temperature":
-            wrong = (
-                "degC given as K" if worst < 200.0 else f"{'K' if worst > 533.0 else 'degF'} given as degC"
-            )
-            hint = f"It looks like {wrong}. "
+            unit_found = "K" if worst > 533.0 else "degF"
+            hint = f"It looks like {'degC given as K' if worst < 200.0 else f'{unit_found} given as degC'}. "
             allowed = f"{to_degC(low):.0f} to {to_degC(high):.0f} degC"
             sizes = f"{to_degC(worst):.4g} degC ({sizes[0]})", allowed
         yield Finding(
@@ -441,7 +422,7 @@ def _motion_faults(run: RigRun) -> list[InputError]:
     # A motion back by less than 10 % of the stroke is not a reversal.
     reversals = len(turning_points(run.displacement, 0.1 * stroke))
     if reversals < 2:
-        found = f"displacement has {reversals} reversal{'' if reversals == 1 else 's'}"
+        found = f"displacement has {reversals} reversals"
         remedy = "Hysteresis shows only when the motion goes to and fro: record at least one cycle"
         return [InputError(found, expected="at least 2", remedy=remedy)]
     return []

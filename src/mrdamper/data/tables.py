@@ -12,10 +12,9 @@ from pathlib import Path
 from mrdamper.data.formats.excel import WORKBOOK_SIGNATURES, read_workbook
 from mrdamper.data.formats.hdf5 import read_hdf5
 from mrdamper.data.formats.lvm import read_lvm
-from mrdamper.data.formats.mat import is_mat, read_mat
+from mrdamper.data.formats.mat import is_mat, read_mat, read_octave
 from mrdamper.data.formats.mdf import read_mdf
 from mrdamper.data.formats.objects import read_json, read_npz
-from mrdamper.data.formats.octave import read_octave
 from mrdamper.data.formats.parquet import read_parquet
 from mrdamper.data.formats.table import FileOptions, Format, NoTableError, Table
 from mrdamper.data.formats.tdms import read_tdms
@@ -52,11 +51,6 @@ FORMATS: tuple[Format, ...] = (
 
 HEAD_BYTES = 1 << 16
 _TOO_LARGE = "needs more memory than there is; split the file"
-_TEXTS = (read_lvm, read_text)
-
-_CATMAN = (
-    "an HBM catman file: convert it to CSV with the Python package apread, or export it as text in catman"
-)
 
 # Unsupported files that users often select by mistake, each with a remedy.
 _UNSUPPORTED: tuple[tuple[bytes, str], ...] = (
@@ -64,13 +58,9 @@ _UNSUPPORTED: tuple[tuple[bytes, str], ...] = (
     (b"Rar!", "a RAR archive: unpack it first"),
     (b"%PDF", "a PDF: export the run as CSV"),
     (b"\x93NUMPY", "a single array of NumPy: save named ones with numpy.savez"),
-    (b"\x80\x04", "a Python pickle, which is never opened: export the run as CSV or Parquet"),
-    (b"\x80\x05", "a Python pickle, which is never opened: export the run as CSV or Parquet"),
-    (
-        b"|CF,",
-        "an imc FAMOS file: convert it to CSV with the Python package imctermite, or export it in FAMOS",
-    ),
-    *((version.to_bytes(2, "little"), _CATMAN) for version in range(5009, 5030)),
+    (b"\x80[\x04\x05]", "a Python pickle, which is never opened: export the run as CSV or Parquet"),
+    (rb"\|CF,", "an imc FAMOS file: convert it to CSV with imctermite (Python), or export it in FAMOS"),
+    (b"[\x91-\xa5]\x13", "an HBM catman file: convert it to CSV with apread (Python), or export it as text"),
 )
 
 
@@ -89,7 +79,7 @@ def read_table(path: Path, options: FileOptions | None = None) -> Table:
     """
     with _reading(path):
         known = _recognise_format(path)
-    with _reading(path) if known.read in _TEXTS else decoding(path, known.name):
+    with _reading(path) if known.read in {read_lvm, read_text} else decoding(path, known.name):
         table = known.read(path, options or FileOptions())
     if not table.columns or table.rows < 2:
         notes = f" ({'; '.join(table.layout.notes)})" if table.layout.notes else ""
@@ -136,14 +126,13 @@ def decoding(path: Path, what: str) -> Iterator[None]:
 
 
 def _recognise_format(path: Path) -> Format:
-    if require_file(path) == 0:
-        raise InputError(place=path, found="the file is empty", expected="columns of numbers")
+    require_file(path)
     with path.open("rb") as stream:
         head = stream.read(4096)
     if not head.strip() and len(head) < 4096:
         raise InputError(place=path, found="the file is empty", expected="columns of numbers")
     for start, description in _UNSUPPORTED:
-        if head.startswith(start):
+        if re.match(start, head):
             raise InputError(place=path, found=f"is {description}")
     for known in FORMATS:
         if known.recognises(head[:512]):

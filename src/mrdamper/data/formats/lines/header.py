@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import csv
-import itertools
 import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise, zip_longest
 
 from mrdamper.data.formats.clocks import Sampling
 from mrdamper.data.formats.groups import attribute_lines
@@ -82,7 +82,7 @@ def _are_decimals(lines: Sequence[str], first: int) -> bool:
     """
     filled = [line.strip() for line in lines[first:] if line.strip()]
     cells = [match for line in filled if (match := _DECIMAL.fullmatch(line))]
-    steps = {b - a for a, b in itertools.pairwise(int(cell[1]) for cell in cells)}
+    steps = {b - a for a, b in pairwise(int(cell[1]) for cell in cells)}
     if len(cells) < len(filled) or (len(steps) == 1 and steps != {0}):
         return False
     are_even = len({len(cell[2]) for cell in cells}) == 1
@@ -203,7 +203,8 @@ def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
         meant = _apply_legend(plain, said, table)
         return Header(meant, said, named=meant != plain)
     # Labels are removed from rows such as "Names: Time;Force" and "Units: s;N".
-    if sum(_leads(fields) for _, fields in rows) > 1:
+    leads = [[k for k, text in enumerate(fields) if _LEAD.match(text)] for _, fields in rows]
+    if leads.count([0]) > 1:
         rows = [(k, [_LEAD.sub("", fields[0]), *fields[1:]]) for k, fields in rows]
     used = {rows[0][0]}
     _, names = rows.pop(0)
@@ -250,8 +251,7 @@ def _conditions(cells: Sequence[str]) -> list[str]:
 def _cells_above(line: str, delimiter: str, count: int) -> list[str]:
     """Return the cells of a line above a table, without empty cells at the end."""
     cells = _PAIR.split(line.strip(), maxsplit=1) if count == 1 else split_line(line, delimiter)
-    last = max((k + 1 for k, cell in enumerate(cells) if cell), default=0)
-    return cells[:last]
+    return cells[: max((k + 1 for k, cell in enumerate(cells) if cell), default=0)]
 
 
 def _apply_legend(
@@ -276,9 +276,8 @@ def _apply_legend(
         meant.append(with_its_unit if text[:1].isalpha() else "")  # "Stroke: 25 mm" is a value.
     if sum(map(bool, meant)) <= len(names) // 2:
         meant = [text if is_opaque else "" for text, is_opaque in zip(meant, opaque, strict=True)]
-        if sum(map(bool, meant)) < 2:
-            return names
-    return tuple(one or name for one, name in zip(meant, names, strict=True))
+        meant = meant if sum(map(bool, meant)) > 1 else []
+    return tuple(one or name for one, name in zip_longest(meant, names, fillvalue=""))
 
 
 def _key(name: str) -> str:
@@ -289,8 +288,9 @@ def _header_fields(line: str, delimiter: str, count: int, filled: int) -> list[s
     """Return the fields of a line if there is a field for each column, else None."""
     bare = _COMMENT.sub("", line)
     fields = split_line(bare, delimiter)
-    if is_comment(line) and len(fields) != count:
-        fields = _names_in_comment(bare, count) or fields
+    if is_comment(line) and len(fields) != count > 1:  # A list of names: "columns: time [s], force [N]".
+        lists = (split_line(_LEAD.sub("", bare), sign) for sign in DELIMITERS[:-1])
+        fields = next((names for names in lists if len(names) == count and all(names)), fields)
     for text in (bare, _LEAD.sub("", bare)) if delimiter == " " else ():
         if len(fields) != count:
             fields = re.split(r"\s{2,}|\t", text.strip())
@@ -299,13 +299,6 @@ def _header_fields(line: str, delimiter: str, count: int, filled: int) -> list[s
     if len(fields) not in {count, filled} or not any(fields):
         return None
     return fields + [""] * (count - len(fields))
-
-
-def _names_in_comment(text: str, count: int) -> list[str]:
-    """Return the names in a comment ``columns: time [s], force [N]``; empty if the comment has no list."""
-    names = _LEAD.sub("", text)
-    lists = (split_line(names, sign) for sign in DELIMITERS[:-1])
-    return next((fields for fields in lists if len(fields) == count > 1 and all(fields)), [])
 
 
 def statements(lines: Sequence[str], delimiter: str) -> tuple[str, ...]:
@@ -325,14 +318,13 @@ def line_of(row: Sequence[str]) -> str:
     numbers = [cell for cell in cells if is_number(cell)]
     words = [cell for cell in cells if cell not in numbers]
     units = [cell for cell in words if roles_of_unit(cell)]
+    name = unit = ""
     if len(numbers) == len(units) == 1 and len(words) == 2:
-        (name,), unit = [word for word in words if word != units[0]], units[0].strip("[]()")
-        if word_and_unit(f"{name}_{unit}")[1]:  # The A in "Damper;A;3" is no unit.
-            return f"{name}: {numbers[0]} {unit}"
-    if len(cells) == 2 and len(numbers) == 1 and cells[1] in numbers and "," in cells[0]:
+        name, unit = words[words[0] == units[0]], units[0].strip("[]()")
+        unit = unit if word_and_unit(f"{name}_{unit}")[1] else ""  # The A in "Damper;A;3" is no unit.
+    elif len(numbers) == len(words) == 1 and cells[1] in numbers and "," in cells[0]:
         name, unit = word_and_unit(cells[0])
-        return f"{name}: {numbers[0]} {unit}" if name and unit else " ".join(cells)
-    return " ".join(cells)
+    return f"{name}: {numbers[0]} {unit}" if name and unit else " ".join(cells)
 
 
 def _results(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -350,15 +342,8 @@ def _results(rows: Sequence[Sequence[str]]) -> list[str]:
 def with_unit(line: str) -> str:
     """Rewrite an entry such as ``Current_A=0.5`` as ``Current_A: 0.5 A``. Other lines are unchanged."""
     found = _SETTING.fullmatch(line)
-    if found is None:
-        return line
-    number = number_in(found[2], "," if "," in found[2] else ".")
-    return line if number is None else attribute_lines({found[1]: f"{number:.9g}"})[0]
-
-
-def _leads(fields: Sequence[str]) -> bool:
-    """Return True if the first cell of a row, and no other cell, is a label such as ``Units: s``."""
-    return [_LEAD.match(text) is not None for text in fields] == [True, *[False] * (len(fields) - 1)]
+    number = number_in(found[2], "," if "," in found[2] else ".") if found else None
+    return attribute_lines({found[1]: f"{number:.9g}"})[0] if found and number is not None else line
 
 
 def _are_units(words: Sequence[str]) -> bool:
@@ -370,9 +355,7 @@ def _are_units(words: Sequence[str]) -> bool:
 
 def _is_of_units(fields: Sequence[str], numbers: int) -> bool:
     """Return True if a row has units before numbers, such as ``Sequence,mm,N,0.0,0.5``."""
-    if numbers == len(fields):
-        return False
-    words = [text for text in fields if text and not count_numbers([text])]
+    words = [text for text in fields if text and not count_numbers([text])] if numbers < len(fields) else []
     return len(words) > 1 and fields[0] == words[0] and _are_units(words)
 
 
@@ -406,12 +389,12 @@ def find_decimal(path: TextSource, rows: Sequence[str], delimiter: str) -> str:
     separate thousands. Raise InputError if the rows contradict each other.
     """
     fields = [text for line in rows for text in split_line(line, delimiter) if is_number(text)]
-    signs = [[sign for sign in text if sign in ".,"] for text in fields]
-    found = {
-        each[-1] if len(each) == 1 or len({*each}) > 1 else "".join({".", ","} - {*each})
-        for each in signs
-        if each
-    }
+    found: set[str] = set()
+    for text in fields:
+        signs = re.sub("[^.,]", "", text)
+        # Equal signs are separators of thousands.
+        found.add(signs[-1:] if len({*signs}) != 1 or len(signs) == 1 else ".,".replace(signs[0], ""))
+    found.discard("")
     if len(found) > 1:
         examples = " and ".join(repr(next(text for text in fields if sign in text)) for sign in ".,")
         raise InputError(
