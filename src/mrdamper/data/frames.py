@@ -76,7 +76,9 @@ class Frame:
         texts: dict[str, Texts] = {}
         units: dict[str, str] = {}
         for name, given in self.columns.items():
-            values = np.atleast_1d(_without_mask(given))
+            if isinstance(given, np.ma.MaskedArray) and given.dtype.kind in "iuf":
+                given = np.ma.filled(given.astype(np.float64), np.nan)  # noqa: PLW2901
+            values = np.atleast_1d(np.asarray(given))
             if values.ndim != 1 or values.dtype.kind == "c":
                 found = f"column {name!r} has shape {values.shape} and type {values.dtype}"
                 raise InputError(place=self.name, found=found, expected="numbers of shape (n,)")
@@ -98,13 +100,6 @@ class Frame:
         rows = max(map(len, numbers.values()), default=0)
         stated = {name: unit for name, unit in units.items() if unit}
         return Table((*self.columns,), numbers, texts, Layout("frame"), rows, units=stated, title=self.name)
-
-
-def _without_mask(given: Any) -> NDArray[Any]:  # noqa: ANN401 - an array, a series, or a number
-    """Return an array with NaN or None for masked values."""
-    if isinstance(given, np.ma.MaskedArray) and given.dtype.kind in "iuf":
-        return np.asarray(np.ma.filled(given.astype(np.float64), np.nan))
-    return np.asarray(given)
 
 
 def is_frame(given: object) -> bool:

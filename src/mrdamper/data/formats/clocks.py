@@ -132,7 +132,9 @@ def with_times(
     clocks: dict[str, FloatArray] = {}
     clock_of: dict[str, str] = {}
     for name, values in times.items():
-        same = (clock for clock, other in clocks.items() if is_same_clock(other, values))
+        tolerance_s = SETTINGS.clock_tolerance_steps * np.ptp(values) / max(len(values) - 1, 1)
+        equal = (clock for clock, other in clocks.items() if len(other) == len(values))
+        same = (clock for clock in equal if (np.abs(clocks[clock] - values) <= tolerance_s).all())
         clock_of[name] = next(same, titles[name] if titles else f"clock {len(clocks) + 1}")
         clocks.setdefault(clock_of[name], values)
     if len(clocks) == 1 and not titles and "time" not in table.names:
@@ -146,14 +148,6 @@ def with_times(
         clocks=numbers | {name: numbers[clock] for name, clock in clock_of.items()},
         recorded_apart=True,
     )
-
-
-def is_same_clock(times: FloatArray, other: FloatArray) -> bool:
-    """Return True if the times of two channels differ by at most a hundredth of a step."""
-    if len(times) != len(other):
-        return False
-    step = np.ptp(times) / max(len(times) - 1, 1)
-    return bool((np.abs(times - other) <= SETTINGS.clock_tolerance_steps * step).all())
 
 
 def _with_begin(known: Mapping[str, Sampling]) -> dict[str, Sampling]:

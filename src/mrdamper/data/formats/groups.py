@@ -6,18 +6,35 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.clocks import is_setting_of_time, stated_sampling, with_samplings, with_times
+from mrdamper.data.formats.clocks import stated_sampling, with_samplings, with_times
 from mrdamper.data.formats.lines.cells import number_in
+from mrdamper.data.formats.lines.properties import names_quantity
 from mrdamper.data.formats.settings import SETTINGS
-from mrdamper.data.formats.table import SKIPPED, Layout, Table, as_text, require_room, shortest_names
+from mrdamper.data.formats.table import (
+    SKIPPED,
+    Layout,
+    Table,
+    as_column,
+    as_text,
+    require_room,
+    shortest_names,
+)
 from mrdamper.data.words.headers import means, parse_header, speaks_of, word_and_unit
 from mrdamper.quantities import QUANTITIES, roles_of_unit
 
 _SAMPLES = frozenset({"data", "values", "value", "y", "samples", "signal"})
 _LINE_OF_MATRIX = re.compile(r"column \d+ of (.*)")
 UNIT_NAMES = ("unit", "units", "Unit", "Units")
+
+
+def read_values(values: Any, index: Any = slice(None)) -> FloatArray:  # noqa: ANN401 - an array of numbers
+    """Return the values at an index as numbers. Times are in seconds from the first time."""
+    return as_column(np.asarray(values[index]))[0]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,11 +54,6 @@ class StoredArray:
     @property
     def name(self) -> str:
         return self.path[-1]
-
-    @property
-    def is_setting(self) -> bool:
-        """Return True for a single start time, time step or sampling rate in a structure."""
-        return self.size == 1 and len(self.path) > 1 and is_setting_of_time(self.name)
 
     @property
     def is_time(self) -> bool:
@@ -127,11 +139,15 @@ def rename_by_structures(arrays: Iterable[StoredArray]) -> list[StoredArray]:
         if each.size > 1:
             inside.setdefault(each.path[:-1], []).append(each)
     named: dict[tuple[str, ...], StoredArray] = {}
+    symbols = {quantity.symbol for quantity in QUANTITIES.values()}
     for group, members in inside.items():
         samples = [each for each in members if not each.is_time]
         times = [each for each in members if each.is_time]
-        if not group or len(samples) != 1 or len(times) > 1 or not _names_a_channel(group[-1]):
+        if not group or len(samples) != 1 or len(times) > 1:
             continue
+        word, unit = word_and_unit(group[-1])
+        if not (unit or word in symbols or names_quantity(group[-1])):
+            continue  # The name of the structure is not the name of a channel.
         (one,) = samples
         if one.name.lower() in _SAMPLES:
             unit = one.unit or next((f"{one.settings[key]}" for key in UNIT_NAMES if key in one.settings), "")
@@ -140,13 +156,6 @@ def rename_by_structures(arrays: Iterable[StoredArray]) -> list[StoredArray]:
                 in_seconds = (time.name.lower(), one.name.lower()) == ("time", "data")
                 named[time.path] = replace(time, unit=time.unit or ("s" if in_seconds else ""))
     return [named.get(each.path, each) for each in arrays]
-
-
-def _names_a_channel(name: str) -> bool:
-    """Return True if the name of a structure is the name of a quantity, with or without its unit."""
-    word, unit = word_and_unit(name)
-    by_symbol = any(word == quantity.symbol for quantity in QUANTITIES.values())
-    return bool(unit or by_symbol or parse_header(name)) or any(speaks_of(word, role) for role in QUANTITIES)
 
 
 def recordings_in(paths: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
@@ -188,11 +197,9 @@ def with_values_of_runs(arrays: Sequence[StoredArray]) -> list[StoredArray]:
         return [*arrays]
     values = {each.name: each.read().tolist() for each in lists}
     settings = {run: {name: row[k] for name, row in values.items()} for k, run in enumerate(order)}
-    own = [next((run for run in runs if is_in_part(each.path, run)), "") for each in arrays]
-    return [
-        replace(each, settings={**settings[run], **each.settings}) if run else each
-        for each, run in zip(arrays, own, strict=True)
-    ]
+    own = (next((run for run in runs if is_in_part(each.path, run)), "") for each in arrays)
+    both = zip(arrays, own, strict=True)
+    return [replace(each, settings={**settings.get(run, {}), **each.settings}) for each, run in both]
 
 
 def with_runs_of_matrices(arrays: Sequence[StoredArray]) -> list[StoredArray]:

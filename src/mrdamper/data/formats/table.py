@@ -40,14 +40,11 @@ class FileOptions:
 
     def __post_init__(self) -> None:
         if self.delimiter not in {"", ",", ";", "\t", "|", " "}:
-            raise InputError(
-                found=f"delimiter is {self.delimiter!r}",
-                expected="a comma, a semicolon, a tab, a bar or a blank",
-            )
-        if self.decimal not in {"", ".", ","}:
-            raise InputError(found=f"decimal is {self.decimal!r}", expected="'.' or ','")
-        if self.decimal == self.delimiter == ",":
-            raise InputError(found="a comma is delimiter and decimal sign", expected="two signs")
+            expected = "a comma, a semicolon, a tab, a bar or a blank"
+            raise InputError(found=f"delimiter is {self.delimiter!r}", expected=expected)
+        if self.decimal not in {"", ".", ","} or self.decimal == self.delimiter == ",":
+            found = f"decimal is {self.decimal!r} and delimiter is {self.delimiter!r}"
+            raise InputError(found=found, expected="'.' or ',', which is not the delimiter")
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,20 +149,9 @@ def load_extra(module: str, package: str, what: str) -> Any:  # noqa: ANN401 - a
 
 
 def shortest_names(paths: Sequence[Sequence[str]]) -> list[str]:
-    """Return the last part of each path if it is unique, else the whole path.
-
-    Equal paths are numbered, so that all channels have different names.
-    """
+    """Return the last part of each path if it is unique, else the whole path."""
     often = Counter(path[-1] for path in paths)
-    names: dict[str, None] = {}
-    for path in paths:
-        plain = path[-1] if often[path[-1]] == 1 else "/".join(path)
-        name, number = plain, 1
-        while name in names:
-            number += 1
-            name = f"{plain} ({number})"
-        names[name] = None
-    return list(names)
+    return distinct_names([path[-1] if often[path[-1]] == 1 else "/".join(path) for path in paths])
 
 
 def distinct_names(names: Sequence[str]) -> list[str]:
@@ -203,8 +189,7 @@ def as_text(value: Any) -> Any:  # noqa: ANN401 - any value
 def as_column(values: NDArray[Any]) -> tuple[FloatArray, str]:
     """Return values as float64, and the unit of their type. Dates become seconds from the first date."""
     flat = np.ravel(values)
-    if flat.dtype.kind == "M":
-        return (flat - flat[:1]).astype("timedelta64[ns]").astype(np.float64) * 1e-9, "s"
+    flat = flat - flat[:1] if flat.dtype.kind == "M" else flat
     if flat.dtype.kind == "m":
         return flat.astype("timedelta64[ns]").astype(np.float64) * 1e-9, "s"
     return flat.astype(np.float64), ""

@@ -8,11 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.groups import StoredArray, attribute_lines, table_of_arrays
-from mrdamper.data.formats.table import FileOptions, Layout, Table, as_column, load_extra, shortest_names
+from mrdamper.data.formats.groups import StoredArray, attribute_lines, read_values, table_of_arrays
+from mrdamper.data.formats.table import FileOptions, Layout, Table, load_extra, shortest_names
 from mrdamper.errors import InputError
 
 _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units")
@@ -72,12 +69,7 @@ def _stored_array(channel: Any, outer: Mapping[str, object]) -> StoredArray:  # 
     return StoredArray(
         (channel.group_name, channel.name),
         len(channel),
-        partial(_numbers, channel),
+        partial(read_values, channel),
         "s" if channel.dtype.kind in "mM" else named,
         {**outer, **channel.properties},
     )
-
-
-def _numbers(channel: Any) -> FloatArray:  # noqa: ANN401 - npTDMS has no types
-    """Return the samples of a channel. Times are in seconds from the first time."""
-    return as_column(np.asarray(channel[:]))[0]

@@ -6,12 +6,12 @@ Rows are parsed in blocks, so that a file of gigabytes needs little more memory 
 from __future__ import annotations
 
 import io
-import itertools
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import zip_longest
+from itertools import chain, pairwise, zip_longest
 
 import numpy as np
 
@@ -86,22 +86,15 @@ def read_text(path: TextSource, options: FileOptions) -> Table:
     found = _look(path, options)
     if isinstance(found, Table):
         return found
-    fault: InputError | None = None
     # A text without comments between the rows is first read as one table, which is fast.
     if _content(path).find(b"\n#", found.start) < 0:
-        try:
+        with suppress(InputError):  # The invalid cell may be in a line of words between two blocks.
             table = _table(path, found)
             # A last row without numbers may be a line of words.
             if not all(np.isnan(values[-1]) for values in table.columns.values()):
                 return table
-        except InputError as error:  # The invalid cell may be in a line of words between two blocks.
-            fault = error
-    tables = _tables_of_blocks(path, found)
-    if tables is not None:
-        return replace(tables[0], following=tuple(tables[1:]))
-    if fault is not None:
-        raise fault
-    return _table(path, found)
+    first, *others = _tables_of_blocks(path, found)
+    return replace(first, following=tuple(others))
 
 
 def _table(path: TextSource, found: _Found, stop: int = sys.maxsize) -> Table:
@@ -142,8 +135,8 @@ def _content(path: TextSource) -> bytes:
         return stream.read()
 
 
-def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
-    """Return the table of each block of rows, None if there is only one block and no line below it."""
+def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table]:
+    """Return the table of each block of rows."""
     layout = found.layout
     blocks, trailer = find_blocks(
         _content(path), found.start, layout.header_lines or 0, layout.delimiter, found.encoding
@@ -152,7 +145,7 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
     headings = {block.above[-1] for block in long if block.above}  # The last page of a listing may be short.
     long = [block for block in blocks if block in long or headings.intersection(block.above[-1:])]
     if not long or (len(blocks) == 1 and not trailer):
-        return None
+        return [_table(path, found)]
     notes, header, above = layout.notes, found.header, [line for line in found.above if line.strip()]
     # Above the first block are lines that describe the file, then lines that describe the block. Above a
     # later block are only lines of the second type. Their largest number is assumed for the first block too.
@@ -182,15 +175,11 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
             header = replace(header, said=own.said) if is_bare else own
         rows = replace(layout, header_lines=block.first_line, notes=notes)
         own_lines = header.said or (near if is_near else ())
-        inherited = (line for line in stated if not _is_restated(line, own_lines))
+        restated = [role for role in CONDITIONS if any(labels_in(line, role) for line in own_lines)]
+        inherited = (line for line in stated if not any(labels_in(line, role) for role in restated))
         whole = replace(header, said=(*inherited, *header.said))
         tables.append(_table(path, replace(found, start=block.start, header=whole, layout=rows), block.stop))
     return tables
-
-
-def _is_restated(line: str, own: Sequence[str]) -> bool:
-    """Return True if a block states a quantity of ``line`` again in its lines ``own``."""
-    return any(labels_in(line, role) and labels_in(each, role) for role in CONDITIONS for each in own)
 
 
 def _look(path: TextSource, options: FileOptions) -> _Found | Table:
@@ -289,10 +278,8 @@ def _rearranged(
 def read_head(path: TextSource) -> Head:
     """Return the first lines of a text. Raise InputError if its encoding or line ends are not supported."""
     with open_text_bytes(path) as stream:
-        content, wide = (
-            stream.read(_HEAD_BYTES),
-            isinstance(stream, io.BytesIO) and not isinstance(path, TextInMemory),
-        )
+        content = stream.read(_HEAD_BYTES)
+        is_converted = isinstance(stream, io.BytesIO) and not isinstance(path, TextInMemory)
     if re.match(rb"\s*<(!doctype|html|\?xml)", content[:64], re.IGNORECASE):
         raise InputError(place=f"{path}", found="is a web page or XML", remedy="Download the file itself")
     end = rb"\n|(?<!\n)\Z" if len(content) < _HEAD_BYTES else rb"\n"  # The last line may lack a \n.
@@ -304,8 +291,9 @@ def read_head(path: TextSource) -> Head:
     encoding = encoding_of(path, content[: edges[-1]])
     if content.startswith(b"\xef\xbb\xbf"):
         edges[0] = 3
-    lines = tuple(content[a:b].decode(encoding).rstrip("\r\n") for a, b in itertools.pairwise(edges))
-    notes = ("read from UTF-16, or from lines that end in CR",) if wide else READ_AS.get(encoding, ())
+    lines = tuple(content[a:b].decode(encoding).rstrip("\r\n") for a, b in pairwise(edges))
+    notes = (f"not UTF-8: read as {READ_AS[encoding]}",) if encoding in READ_AS else ()
+    notes = ("read from UTF-16, or from lines that end in CR",) if is_converted else notes
     return Head(lines, tuple(edges), notes, encoding)
 
 
@@ -319,15 +307,11 @@ def parse_rows(
     """
     order = distinct_names(names)
     stamps: dict[int, Timestamps] = {}
-    blocks = list(_column_blocks(path, start, stop, layout, order, stamps))
-    numbers: dict[str, FloatArray] = {}
-    words: dict[str, Texts] = {}
-    for k, title in enumerate(order):
-        pieces = [column for columns in blocks if isinstance(column := columns[k], np.ndarray)]
-        if len(pieces) == len(blocks):
-            numbers[title] = np.concatenate([np.empty(0), *pieces])
-        else:
-            words[title] = [cell for columns in blocks for cell in columns[k]]
+    blocks = list(_column_blocks(path, start, stop, layout, order, stamps)) or [[np.empty(0)] * len(order)]
+    parts = dict(zip(order, zip(*blocks, strict=True), strict=True))
+    is_numeric = {name: all(isinstance(part, np.ndarray) for part in parts[name]) for name in order}
+    numbers = {name: np.concatenate(parts[name]) for name in order if is_numeric[name]}
+    words: dict[str, Texts] = {name: [*chain(*parts[name])] for name in order if not is_numeric[name]}
     for k in stamps:
         _add_milliseconds(numbers, order[k], order[k + 1 : k + 2])
     return Table(

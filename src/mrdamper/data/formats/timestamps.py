@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
+from contextlib import suppress
 from datetime import date
 
 import numpy as np
@@ -109,15 +110,11 @@ def days_of(text: str | None) -> tuple[float, float]:
         orders = [(first, second, third)]
     else:
         orders = [(third, second, first), (third, first, second)][: 1 if "." in text or name else 2]
-    valid = [day for order in orders if not math.isnan(day := _day(*map(int, order)))]
+    valid: list[float] = []
+    for order in orders:
+        with suppress(ValueError):
+            valid.append(float((date(*map(int, order)) - date(1970, 1, 1)).days))
     return (valid[0], valid[-1]) if valid and len(orders[0][0]) == 4 else _NO_DAY
-
-
-def _day(year: int, month: int, day: int) -> float:
-    try:
-        return float(date(year, month, day).toordinal() - date(1970, 1, 1).toordinal())
-    except ValueError:
-        return math.nan
 
 
 def moment_of(text: str) -> Moment | None:

@@ -18,20 +18,20 @@ from typing import Any
 
 import numpy as np
 
-from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.clocks import is_setting_of_time
 from mrdamper.data.formats.groups import (
     UNIT_NAMES,
     StoredArray,
     attribute_lines,
     is_in_part,
+    read_values,
     skipped_note,
     table_of_arrays,
     with_runs_of_matrices,
     with_values_of_runs,
 )
 from mrdamper.data.formats.settings import SETTINGS
-from mrdamper.data.formats.table import FileOptions, Layout, Table, as_column, as_text
+from mrdamper.data.formats.table import FileOptions, Layout, Table, as_text
 from mrdamper.quantities import roles_of_unit
 
 OF_COLUMNS = re.compile(r"column|channel|name|label|header|field|items", re.IGNORECASE)
@@ -48,7 +48,9 @@ def table_of_variables(
     found = _Variables(variables)
     layout = Layout(kind, part=options.part, notes=skipped_note([*skipped, *found.objects]))
     found.arrays = with_values_of_runs(with_runs_of_matrices(found.arrays))
-    arrays = [each for each in found.arrays if not each.is_setting]
+    # A single start time, time step or sampling rate in a structure is a setting.
+    is_time = {each.path for each in found.arrays if each.size == 1 and is_setting_of_time(each.name)}
+    arrays = [each for each in found.arrays if len(each.path) == 1 or each.path not in is_time]
     table = table_of_arrays(arrays, path, layout, found.texts)
     said = {"/".join(path): text for path, text in found.texts.items() if is_in_part(path, table.title)}
     inside = [each.settings for each in found.arrays if is_in_part(each.path, table.title)] or [_NO_SETTINGS]
@@ -92,7 +94,8 @@ class _Variables:
             elif value.ndim == 2 and min(value.shape) <= SETTINGS.table_columns_max:
                 across = 0 if value.shape[0] < value.shape[1] else 1
                 for k, title in enumerate(self._names_of_columns(path, value, across)):
-                    self._add((*path[:-1], *title), value, unit, settings, (across, k))
+                    line = (slice(None), k) if across else (k, slice(None))
+                    self._add((*path[:-1], *title), value, unit, settings, line)
 
     def _collect_fields(
         self, path: tuple[str, ...], value: Mapping[str, Any], outer: Mapping[str, object]
@@ -141,11 +144,11 @@ class _Variables:
         values: Any,  # noqa: ANN401 - an array of numbers
         unit: str,
         settings: Mapping[str, object],
-        line: tuple[int, int] | None = None,
+        line: Any = ...,  # noqa: ANN401 - an index
     ) -> None:
-        """Add an array, or one row or column of a matrix (``line``: its axis and index)."""
-        size = values.size if line is None else values.shape[1 - line[0]]
-        self.arrays.append(StoredArray(path, size, partial(_read, values, line), unit, settings))
+        """Add an array, or one row or column of a matrix (``line``: its index)."""
+        size = values.size if line is ... else max(values.shape)
+        self.arrays.append(StoredArray(path, size, partial(read_values, values, line), unit, settings))
 
 
 def _find_signal(
@@ -179,12 +182,6 @@ def _sampling_of(fields: Mapping[str, Any]) -> dict[str, object]:
             named = {key: value for key, value in values.items() if is_setting_of_time(key)}
             own |= named | {f"{key}_unit": values.get(f"{name} unit", "") for key in named}
     return own
-
-
-def _read(values: Any, line: tuple[int, int] | None) -> FloatArray:  # noqa: ANN401 - an array of numbers
-    if line is None:
-        return as_column(np.asarray(values[...]))[0]
-    return as_column(np.asarray(values[:, line[1]] if line[0] == 1 else values[line[1], :]))[0]
 
 
 def _single(value: Any) -> Any:  # noqa: ANN401 - any value

@@ -48,7 +48,9 @@ def find_blocks(
             continue
         cells = split_line(line, delimiter)
         if block is None:
-            if not is_comment(line) and _begins_block(cells, is_first=not blocks):
+            # The first cell of a later block must be a value.
+            is_value = cells[0] in {"", *MISSING_MARKS} or count_numbers(cells[:1]) > 0 or is_time(cells[0])
+            if not is_comment(line) and count_numbers(cells) >= 2 and (is_value or not blocks):
                 numeric = [k for k, cell in enumerate(cells) if count_numbers([cell])]
                 block, above = Block(begin, at, number, 1, tuple(above), line), []
             else:
@@ -66,12 +68,6 @@ def find_blocks(
     if block is not None:
         return [*blocks, block], waiting
     return blocks, above
-
-
-def _begins_block(cells: Sequence[str], *, is_first: bool) -> bool:
-    """Return True if a row begins a block. The first cell of a later block must be a value."""
-    is_value = cells[0] in {"", *MISSING_MARKS} or count_numbers(cells[:1]) > 0 or is_time(cells[0])
-    return count_numbers(cells) >= 2 and (is_first or is_value)
 
 
 def _kind_in_block(cells: Sequence[str], numeric: Sequence[int]) -> Literal["row", "words", "perhaps words"]:

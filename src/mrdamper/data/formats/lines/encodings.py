@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -19,13 +20,13 @@ UTF8 = "utf-8-sig"
 _WINDOWS, _CYRILLIC = "cp1252", "cp1251"
 _CHINESE, _JAPANESE, _KOREAN = "gb18030", "cp932", "cp949"
 READ_AS = {
-    _WINDOWS: ("not UTF-8: read as Windows-1252",),
-    _CYRILLIC: ("not UTF-8: read as Windows-1251 (Cyrillic)",),
-    _CHINESE: ("not UTF-8: read as GB 18030",),
-    _JAPANESE: ("not UTF-8: read as Shift JIS",),
-    _KOREAN: ("not UTF-8: read as Korean (CP949)",),
+    _WINDOWS: "Windows-1252",
+    _CYRILLIC: "Windows-1251 (Cyrillic)",
+    _CHINESE: "GB 18030",
+    _JAPANESE: "Shift JIS",
+    _KOREAN: "Korean (CP949)",
 }
-"""Remark on a text that is not UTF-8, by its encoding."""
+"""Names of the encodings, for remarks on a text that is not UTF-8."""
 
 _NO_TEXT = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 _NO_WINDOWS = re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # Bytes that Windows-1252 does not define.
@@ -104,22 +105,24 @@ def encoding_of(path: TextSource, content: bytes) -> str:
     try:
         content.decode("utf-8")
     except UnicodeDecodeError as error:
-        if _NO_TEXT.search(content) is None:
-            letters = len(content) - len(content.translate(None, bytes(range(128, 256))))
-            eastern = _eastern(content)
-            if eastern:
-                return eastern
-            # Cyrillic words have no ASCII letters. Words in Latin script have letters of both kinds.
-            words = [word for word in _WORDS.findall(content) if not word.isascii()]
-            are_cyrillic = len(words) >= 2 and all(_CYRILLIC_WORD.fullmatch(word) for word in words)
-            if are_cyrillic and _NO_CYRILLIC not in content:
-                return _CYRILLIC
-            # A text of numbers has few non-ASCII characters.
-            if _NO_WINDOWS.search(content) is None and letters <= 0.05 * len(content):
-                return _WINDOWS
+        is_plain = _NO_TEXT.search(content) is None
+        if is_plain and (encoding := _eastern(content) or _western(content)):
+            return encoding
         found = f"byte {error.start} is not UTF-8 text (0x{content[error.start]:02x})"
         raise InputError(place=f"{path}", found=found, remedy="Save the file as UTF-8") from error
     return UTF8
+
+
+def _western(content: bytes) -> str:
+    """Return the encoding of a text in Cyrillic or Latin script, "" if it is not valid."""
+    # Cyrillic words have no ASCII letters. Words in Latin script have letters of both kinds.
+    words = [word for word in _WORDS.findall(content) if not word.isascii()]
+    if len(words) >= 2 and all(map(_CYRILLIC_WORD.fullmatch, words)) and _NO_CYRILLIC not in content:
+        return _CYRILLIC
+    # A text of numbers has few non-ASCII characters.
+    letters = len(content) - len(content.translate(None, bytes(range(128, 256))))
+    is_windows = _NO_WINDOWS.search(content) is None and letters <= 0.05 * len(content)
+    return _WINDOWS if is_windows else ""
 
 
 def _eastern(content: bytes) -> str:
@@ -127,22 +130,13 @@ def _eastern(content: bytes) -> str:
 
     Of several valid encodings, an encoding is chosen that turns the bytes into the name of a channel.
     """
-    fitting = {
-        encoding: content.decode(narrow)
-        for narrow, encoding in (("gb2312", _CHINESE), (_JAPANESE, _JAPANESE), ("euc_kr", _KOREAN))
-        if _is_pairs_of(narrow, content)
-    }
-    words = [
-        word for each in QUANTITIES.values() for word in each.headers if len(word) > 1 and not word.isascii()
-    ]
-    named = [key for key, text in fitting.items() if any(word in text for word in words)]
+    fitting: dict[str, str] = {}
+    for narrow, encoding in (("gb2312", _CHINESE), (_JAPANESE, _JAPANESE), ("euc_kr", _KOREAN)):
+        with suppress(UnicodeDecodeError):
+            text = content.decode(narrow)
+            # All non-ASCII characters, at least two, are pairs of bytes. An umlaut is one byte.
+            if len(content) - len(text) > 1 and (encoding != _JAPANESE or _EAST.fullmatch(text)):
+                fitting[encoding] = text
+    words = [word for each in QUANTITIES.values() for word in each.headers if len(word) > 1]
+    named = [key for key, text in fitting.items() if any(w in text for w in words if not w.isascii())]
     return next(iter((*named, *fitting)), "")
-
-
-def _is_pairs_of(encoding: str, content: bytes) -> bool:
-    """Return True if all non-ASCII characters, at least two, are pairs of bytes. An umlaut is one byte."""
-    try:
-        text = content.decode(encoding)
-    except UnicodeDecodeError:
-        return False
-    return len(content) - len(text) > 1 and (encoding != _JAPANESE or _EAST.fullmatch(text) is not None)

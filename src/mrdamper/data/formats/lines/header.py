@@ -13,11 +13,11 @@ from mrdamper.data.formats.clocks import Sampling
 from mrdamper.data.formats.groups import attribute_lines
 from mrdamper.data.formats.lines.cells import is_number, number_in
 from mrdamper.data.formats.lines.encodings import TextSource
-from mrdamper.data.formats.lines.properties import find_properties, name_in, property_of
+from mrdamper.data.formats.lines.properties import find_properties, name_in, names_quantity, property_of
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import MISSING_MARKS
 from mrdamper.data.formats.timestamps import days_of, is_time
-from mrdamper.data.words.headers import are_all_per_cent, is_per_cent, parse_header, speaks_of, word_and_unit
+from mrdamper.data.words.headers import are_all_per_cent, is_per_cent, speaks_of, word_and_unit
 from mrdamper.data.words.labels import CONDITIONS, labels_in, span_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, is_any_unit, roles_of_unit
@@ -268,7 +268,7 @@ def _apply_legend(
     opaque: list[bool] = []
     for name in names:
         word, unit = word_and_unit(name)
-        opaque.append(not parse_header(name) and not any(speaks_of(word, role) for role in QUANTITIES))
+        opaque.append(not names_quantity(name))
         row = next((row for row in rows if opaque[-1] and len(row) > 2 and _key(row[0]) == _key(word)), ())
         text = legend.get(_key(name)) or legend.get(_key(word)) or (row[1] if row else "")
         units = [unit] if unit else [cell for cell in row[2:] if roles_of_unit(cell)]

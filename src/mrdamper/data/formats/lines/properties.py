@@ -73,10 +73,15 @@ def property_of(text: str) -> str:
     return ""
 
 
+def names_quantity(name: str) -> bool:
+    """Return True if a name, without its unit, is the name of a quantity."""
+    return bool(parse_header(name)) or any(speaks_of(word_and_unit(name)[0], role) for role in QUANTITIES)
+
+
 def name_in(lines: Sequence[str]) -> str:
     """Return the name of the only channel, from a line that is not an entry and names a quantity, else ""."""
     words = [re.split(r"[,;(]", line)[0].strip(" #%/!") for line in lines if not re.search("[:=]", line)]
-    names = [word for word in words if len(word.split()) <= 6 and _names_quantity(word)]
+    names = [word for word in words if len(word.split()) <= 6 and names_quantity(word)]
     return names[0] if len(names) == 1 else ""
 
 
@@ -106,7 +111,7 @@ def find_properties(
         found = {name: lists[0] for name, lists in fitting.items() if lists}
         if "name" in found and (size == count or all(map(is_any_unit, found.get("unit", [])))):
             # Several rows may have names, such as "CH1" and "Force". The row with most quantities is used.
-            found["name"] = max(fitting["name"], key=lambda each: sum(map(_names_quantity, each)))
+            found["name"] = max(fitting["name"], key=lambda each: sum(map(names_quantity, each)))
             if len(found) > 1 or all(word_and_unit(name)[1] for name in found["name"]):
                 break
     else:
@@ -144,10 +149,6 @@ def find_properties(
 
 def _is_number(cell: str) -> bool:
     return number_in(cell, "," if "," in cell else ".") is not None
-
-
-def _names_quantity(name: str) -> bool:
-    return bool(parse_header(name)) or any(speaks_of(word_and_unit(name)[0], role) for role in QUANTITIES)
 
 
 def _numbers(found: Mapping[str, list[str]], name: str, otherwise: float) -> list[float]:
