@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from mrdamper.data.channels import ChannelMap
+from mrdamper.data.readers import read_file
 from mrdamper.data.records import RigRun
 from tests.support.campaigns import make_run
 
@@ -18,6 +20,11 @@ RUN = make_run(duration=2.0, rate_Hz=200.0)
 UNITS: Mapping[str, str] = MappingProxyType(
     {"time": "s", "displacement": "mm", "force": "kN", "current": "A"}
 )
+
+
+def read_run(path: Path, channels: ChannelMap | Path | None = None) -> tuple[RigRun, ...]:
+    """Return the runs in one file."""
+    return tuple(recording.checked() for recording in read_file(path, channels).recordings)
 
 
 def in_rig_units(run: RigRun = RUN) -> dict[str, np.ndarray]:

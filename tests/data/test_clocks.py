@@ -15,9 +15,9 @@ import pytest
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.proposal.questions import AskingError, parse_answers
-from mrdamper.data.readers import read_file, read_run
+from mrdamper.data.readers import read_file
 from mrdamper.errors import InputError
-from tests.data.rig_files import save_mat73
+from tests.data.rig_files import read_run, save_mat73
 
 pytestmark = pytest.mark.system
 

@@ -14,7 +14,7 @@ from mrdamper.data.channels import ChannelMap
 from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.formats.mdf import read_mdf
 from mrdamper.data.formats.table import FileOptions
-from mrdamper.data.readers import read_file, read_run, read_runs
+from mrdamper.data.readers import read_file, read_runs
 from mrdamper.data.tables import decoding, read_table
 from mrdamper.errors import InputError, MissingExtraError
 from mrdamper.interrupts import Interrupted
@@ -22,6 +22,7 @@ from tests.data.rig_files import (
     RUN,
     WRITERS,
     in_rig_units,
+    read_run,
     titled,
     write_csv,
     write_mts,

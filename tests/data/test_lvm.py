@@ -8,10 +8,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mrdamper.data.readers import read_run
 from mrdamper.data.tables import read_table
 from mrdamper.errors import InputError
-from tests.data.rig_files import RUN
+from tests.data.rig_files import RUN, read_run
 
 CHANNELS = ("Displacement (mm)", "Force (N)", "Current (A)")
 STEP = float(RUN.time[1] - RUN.time[0])

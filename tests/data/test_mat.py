@@ -12,8 +12,8 @@ from scipy.io import savemat
 from mrdamper.data.formats.hdf5 import read_hdf5
 from mrdamper.data.formats.mat import read_mat
 from mrdamper.data.formats.table import FileOptions
-from mrdamper.data.readers import read_file, read_run
-from tests.data.rig_files import save_mat73
+from mrdamper.data.readers import read_file
+from tests.data.rig_files import read_run, save_mat73
 
 pytestmark = pytest.mark.system
 

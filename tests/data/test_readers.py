@@ -5,8 +5,9 @@ import pytest
 from scipy.io import savemat
 
 from mrdamper.data.channels import ChannelMap
-from mrdamper.data.readers import read_run, read_runs
+from mrdamper.data.readers import read_runs
 from mrdamper.errors import InputError
+from tests.data.rig_files import read_run
 from tests.support.campaigns import make_run
 
 RUN = make_run(duration=2.0, rate_Hz=200.0)

@@ -9,7 +9,8 @@ from mrdamper.data.diagnosis.campaign import compare
 from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.diagnosis.repeatability import repeatability
 from mrdamper.data.prepare import decimate, prepare_run
-from mrdamper.data.readers import read_run, read_runs
+from mrdamper.data.readers import read_runs
+from tests.data.rig_files import read_run
 from tests.data.test_diagnosis import size_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

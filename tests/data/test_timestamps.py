@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.data.formats.timestamps import Timestamps
-from mrdamper.data.readers import read_run
 from mrdamper.data.tables import read_table
-from tests.data.rig_files import RUN
+from tests.data.rig_files import RUN, read_run
 
 START = datetime(2026, 2, 28, 23, 59, 59)
 SPELLINGS = (

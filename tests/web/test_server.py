@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from mrdamper.data.prepare import prepare_run
-from mrdamper.data.readers import read_run
+from mrdamper.data.readers import read_runs
 from mrdamper.data.records import Dataset
 from mrdamper.errors import InputError
 from mrdamper.identify.fit import fit_law
@@ -182,7 +182,7 @@ def test_error_on_page_equals_error_of_evaluate(clean, runs, tmp_path):
     header, model = series_of(client.ask("GET", f"/api/runs/{name}/model?card=mine").content)
     (told,) = answer_of(mrdamper("evaluate", card, runs[3], "--json"))["runs"]
     assert header["rmse_N"] == pytest.approx(told["rmse_N"], rel=1e-9)
-    scored = prepare_run(read_run(runs[3])[0]).scored_from
+    scored = prepare_run(read_runs(runs[3]).runs[0]).scored_from
     error = (model["force_N"] - model["measured_N"])[scored:].astype(np.float64)
     assert np.sqrt(np.mean(error**2)) == pytest.approx(told["rmse_N"], rel=1e-3)
     query = "max=64&from_s=0.5&to_s=2"

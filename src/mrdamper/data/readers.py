@@ -83,16 +83,6 @@ class ReadFiles:
         return ask_all([item.fault for item in self.unreadable]) if self.unreadable else None
 
 
-def read_run(path: PathLike, channels: ChannelMap | PathLike | None = None) -> tuple[RigRun, ...]:
-    """Return the runs in one file. A file of a data logger can contain several runs.
-
-    A run has the name of its file. The command is added to the name if the file contains several runs.
-
-    Raise InputError if the file is not readable, a column or a unit is missing, or a run has faults.
-    """
-    return tuple(recording.checked() for recording in read_file(path, channels).recordings)
-
-
 def read_file(
     path: PathLike,
     channels: ChannelMap | PathLike | None = None,

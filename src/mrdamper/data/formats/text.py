@@ -70,37 +70,42 @@ def is_text(head: bytes) -> bool:
     return b"\0" not in head or bool(utf16_of(head))
 
 
-@dataclass(frozen=True, slots=True)
-class _Found:
-    """The layout of a delimited text: its header, and the start of its rows."""
-
-    start: int  # Offset of the first row [bytes].
-    header: Header
-    layout: Layout
-    above: tuple[str, ...] = ()  # The lines above the rows.
-    encoding: str = UTF8
-
-
 def read_text(path: TextSource, options: FileOptions) -> Table:
     """Return the first table in a delimited text; later tables are in its ``following``."""
-    found = _look(path, options)
-    if isinstance(found, Table):
-        return found
+    head = read_head(path)
+    for form in (_with_joined_signs, _transposed, _without_notes_beside):
+        if (table := form(path, head, options)) is not None:
+            return table
+    delimiter, first = find_data(head.lines, options.delimiter)
+    if first is None:
+        # There is no row of numbers. If the only line consists of column names, it is the header of a record
+        # without samples. Other texts are notes.
+        lines = [line for line in head.lines if line.strip() and not line.startswith("#")]
+        widths = [len(split_line(line, sign)) for line in lines for sign in DELIMITERS[:-1]]
+        is_empty_record = len(lines) == 1 and max(widths) >= SETTINGS.empty_record_columns_min
+        raise (InputError if is_empty_record else NoTableError)(
+            place=f"{path}",
+            found=f"no rows of numbers in the first {len(head.lines)} lines",
+            expected="a header and at least two columns, separated by comma, semicolon, tab, bar or blanks",
+        )
+    header = read_header(head.lines, first, delimiter)
+    refuse_two_commas(path, head.lines, first, delimiter)
+    decimal = options.decimal or find_decimal(path, head.lines[first:], delimiter)
+    layout = Layout("delimited text", delimiter, decimal, first, notes=head.notes)
     # A text without comments between the rows is first read as one table, which is fast.
-    if _content(path).find(b"\n#", found.start) < 0:
+    if _content(path).find(b"\n#", head.starts[first]) < 0:
         with suppress(InputError):  # The invalid cell may be in a line of words between two blocks.
-            table = _table(path, found)
+            table = _table(path, header, layout, head.starts[first])
             # A last row without numbers may be a line of words.
             if not all(np.isnan(values[-1]) for values in table.columns.values()):
                 return table
-    first, *others = _tables_of_blocks(path, found)
-    return replace(first, following=tuple(others))
+    table, *others = _tables_of_blocks(path, head, header, layout)
+    return replace(table, following=tuple(others))
 
 
-def _table(path: TextSource, found: _Found, stop: int = sys.maxsize) -> Table:
-    """Return the table of the rows from ``found.start`` to byte ``stop``, with factors of the header."""
-    header = found.header
-    table = parse_rows(path, found.start, header.names, found.layout, stop)
+def _table(path: TextSource, header: Header, layout: Layout, start: int, stop: int = sys.maxsize) -> Table:
+    """Return the table of the rows from byte ``start`` to byte ``stop``, with factors of the header."""
+    table = parse_rows(path, start, header.names, layout, stop)
     table = replace(table, said=header.said)
     count = next((stated[1] for line in header.said if (stated := _COUNT.fullmatch(line))), "0")
     if table.rows < int(count) and stop == sys.maxsize:
@@ -135,33 +140,31 @@ def _content(path: TextSource) -> bytes:
         return stream.read()
 
 
-def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table]:
+def _tables_of_blocks(path: TextSource, head: Head, header: Header, layout: Layout) -> list[Table]:
     """Return the table of each block of rows."""
-    layout = found.layout
-    blocks, trailer = find_blocks(
-        _content(path), found.start, layout.header_lines or 0, layout.delimiter, found.encoding
-    )
+    first, delimiter = layout.header_lines or 0, layout.delimiter
+    blocks, trailer = find_blocks(_content(path), head.starts[first], first, delimiter, head.encoding)
     long = [block for block in blocks if block.rows >= SETTINGS.table_rows_min]
     headings = {block.above[-1] for block in long if block.above}  # The last page of a listing may be short.
     long = [block for block in blocks if block in long or headings.intersection(block.above[-1:])]
     if not long or (len(blocks) == 1 and not trailer):
-        return [_table(path, found)]
-    notes, header, above = layout.notes, found.header, [line for line in found.above if line.strip()]
+        return [_table(path, header, layout, head.starts[first])]
+    notes, above = layout.notes, [line for line in head.lines[:first] if line.strip()]
     # Above the first block are lines that describe the file, then lines that describe the block. Above a
     # later block are only lines of the second type. Their largest number is assumed for the first block too.
     count = len(above) - max((len(block.above) for block in long[1:]), default=len(above))
     shared = above[: max(count, 0)]
-    about_file = {*statements(shared, layout.delimiter)}
+    about_file = {*statements(shared, delimiter)}
     # The last line about the file may state a current. Without a blank line between this line and the column
     # names, the current may apply only to the first block.
-    near = [line for line in statements(shared[-1:], layout.delimiter) if labels_in(line, "current")]
-    is_near = bool(near) and all(map(str.strip, found.above[found.above.index(shared[-1]) :]))
+    near = [line for line in statements(shared[-1:], delimiter) if labels_in(line, "current")]
+    is_near = bool(near) and all(map(str.strip, head.lines[head.lines.index(shared[-1]) : first]))
     stated: list[str] = []
     if trailer:
         notes += (f"{len(trailer)} line{'s' if len(trailer) > 1 else ''} of words below the rows",)
         if len(blocks) == 1:
-            lines = (*trailer, "", *found.above, long[0].first_row)
-            header = read_header(lines, len(lines) - 1, layout.delimiter)
+            lines = (*trailer, "", *head.lines[:first], long[0].first_row)
+            header = read_header(lines, len(lines) - 1, delimiter)
     if len(long) > 1:
         notes += (f"{len(long)} blocks of rows",)
         stated = [line for line in header.said if line in about_file]
@@ -170,7 +173,7 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table]:
     for block in long:
         if block.above:
             lines = (*block.above, block.first_row)
-            own = read_header(lines, len(lines) - 1, layout.delimiter)
+            own = read_header(lines, len(lines) - 1, delimiter)
             is_bare = not own.named and len(own.names) == len(header.names)
             header = replace(header, said=own.said) if is_bare else own
         rows = replace(layout, header_lines=block.first_line, notes=notes)
@@ -178,33 +181,8 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table]:
         restated = [role for role in CONDITIONS if any(labels_in(line, role) for line in own_lines)]
         inherited = (line for line in stated if not any(labels_in(line, role) for role in restated))
         whole = replace(header, said=(*inherited, *header.said))
-        tables.append(_table(path, replace(found, start=block.start, header=whole, layout=rows), block.stop))
+        tables.append(_table(path, whole, rows, block.start, block.stop))
     return tables
-
-
-def _look(path: TextSource, options: FileOptions) -> _Found | Table:
-    head = read_head(path)
-    forms = (_with_joined_signs, _transposed, _without_notes_beside)
-    turned = next((table for form in forms if (table := form(path, head, options)) is not None), None)
-    if turned is not None:
-        return turned
-    delimiter, first = find_data(head.lines, options.delimiter)
-    if first is None:
-        # There is no row of numbers. If the only line consists of column names, it is the header of a record
-        # without samples. Other texts are notes.
-        lines = [line for line in head.lines if line.strip() and not line.startswith("#")]
-        widths = [len(split_line(line, sign)) for line in lines for sign in DELIMITERS[:-1]]
-        is_empty_record = len(lines) == 1 and max(widths) >= SETTINGS.empty_record_columns_min
-        raise (InputError if is_empty_record else NoTableError)(
-            place=f"{path}",
-            found=f"no rows of numbers in the first {len(head.lines)} lines",
-            expected="a header and at least two columns, separated by comma, semicolon, tab, bar or blanks",
-        )
-    header = read_header(head.lines, first, delimiter)
-    refuse_two_commas(path, head.lines, first, delimiter)
-    decimal = options.decimal or find_decimal(path, head.lines[first:], delimiter)
-    layout = Layout("delimited text", delimiter, decimal, first, notes=head.notes)
-    return _Found(head.starts[first], header, layout, head.lines[:first], head.encoding)
 
 
 def _with_joined_signs(path: TextSource, head: Head, options: FileOptions) -> Table | None:
