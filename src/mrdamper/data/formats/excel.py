@@ -95,14 +95,15 @@ def _table(path: Path, sheet: str, rows: Sequence[Row], options: FileOptions) ->
     text = "\n".join("\t".join(_spelled(cell, decimal) for cell in row) for row in rows) + "\n"
     source = TextInMemory(f"{path}, sheet {sheet!r}", text.encode())
     table = read_text(source, FileOptions(delimiter="\t", decimal=decimal))
-    return replace(
-        _on_sheet(table, sheet), following=tuple(_on_sheet(each, sheet) for each in table.following)
+    first, *others = (
+        replace(
+            each,
+            layout=replace(each.layout, format="Excel file", delimiter="", decimal="", part=sheet),
+            title=sheet,
+        )
+        for each in (table, *table.following)
     )
-
-
-def _on_sheet(table: Table, sheet: str) -> Table:
-    layout = replace(table.layout, format="Excel file", delimiter="", decimal="", part=sheet)
-    return replace(table, layout=layout, title=sheet)
+    return replace(first, following=tuple(others))
 
 
 def _spelled(cell: object, decimal: str = ".") -> str:

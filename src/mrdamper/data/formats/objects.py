@@ -68,8 +68,9 @@ def _arrays(value: Any) -> Any:  # noqa: ANN401 - of JSON
         return {str(key): _arrays(each) for key, each in value.items()}
     if not isinstance(value, list) or not value:
         return value
-    inner = [each for row in value if isinstance(row, dict) for each in row.values()]
-    if _is_list_of(value, dict) and not any(isinstance(each, dict | list) for each in inner):
+    records = [row for row in value if isinstance(row, dict)]
+    inner = [each for row in records for each in row.values()]
+    if len(records) == len(value) and not any(isinstance(each, dict | list) for each in inner):
         keys = list(dict.fromkeys(key for row in value for key in row))
         return {str(key): _arrays([row.get(key) for row in value]) for key in keys}
     if all(each is None or isinstance(each, int | float) for each in value):
@@ -77,8 +78,4 @@ def _arrays(value: Any) -> Any:  # noqa: ANN401 - of JSON
     rows = [_arrays(row) for row in value]
     if all(isinstance(row, np.ndarray) and row.ndim == 1 for row in rows) and len({*map(len, rows)}) == 1:
         return np.array(rows)
-    return value if _is_list_of(value, str) else rows
-
-
-def _is_list_of(value: object, kind: type) -> bool:
-    return isinstance(value, list) and bool(value) and all(isinstance(each, kind) for each in value)
+    return value if all(isinstance(each, str) for each in value) else rows

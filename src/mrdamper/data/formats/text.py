@@ -31,7 +31,6 @@ from mrdamper.data.formats.lines.encodings import (
 )
 from mrdamper.data.formats.lines.header import (
     DELIMITERS,
-    Header,
     count_numbers,
     find_data,
     find_decimal,
@@ -40,6 +39,7 @@ from mrdamper.data.formats.lines.header import (
     split_line,
     statements,
 )
+from mrdamper.data.formats.lines.properties import Header
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import FileOptions, Layout, NoTableError, Table, Texts, distinct_names
 from mrdamper.data.formats.timestamps import Timestamps

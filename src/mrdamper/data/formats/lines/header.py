@@ -5,15 +5,20 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise, zip_longest
 
-from mrdamper.data.formats.clocks import Sampling
 from mrdamper.data.formats.groups import attribute_lines
 from mrdamper.data.formats.lines.cells import is_number, number_in
 from mrdamper.data.formats.lines.encodings import TextSource
-from mrdamper.data.formats.lines.properties import find_properties, name_in, names_quantity, property_of
+from mrdamper.data.formats.lines.properties import (
+    Header,
+    find_properties,
+    name_in,
+    names_quantity,
+    property_of,
+)
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import MISSING_MARKS
 from mrdamper.data.formats.timestamps import days_of, is_time
@@ -36,18 +41,6 @@ _SETTING = re.compile(
 _ENTRY = re.compile(r"\s*([^\s:=][^:=]*?)\s*(?:[:=]|->)\s*(\S.*?)\s*")  # A legend: "CH1: force, N".
 _MARK = re.compile(r"\s*(\w[\w ]*:|\[[\w ]+\]|[\"']?[^\W\d]+[\"']?)\s*")  # A title of the samples: "[Data]".
 DELIMITERS = ("\t", ";", ",", "|", " ")
-
-
-@dataclass(frozen=True, slots=True)
-class Header:
-    """Names of columns, and the lines above the names with their cells separated by blanks."""
-
-    names: tuple[str, ...]
-    said: tuple[str, ...]
-    named: bool = True  # False: no row of names was found
-    scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # factor, offset
-    sampling: Sampling | None = None
-    spans: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # factor, offset of raw values
 
 
 def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
@@ -180,8 +173,7 @@ def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     table = [_cells_above(line, delimiter, len(cells)) for line in bare]
     stated = find_properties(table, bare, cells)
     if stated is not None:
-        said = statements(lines[:first], delimiter)
-        return Header(stated.names, said, scales=stated.scales, sampling=stated.sampling)
+        return replace(stated, said=statements(lines[:first], delimiter))
     named = split_line(lines[first - 1], delimiter) if first else []
     if len(named) == len(cells) + 1 and _SPARSE.fullmatch(named[-1]):
         cells = [*cells, ""]  # The first row has no cell in the column of events.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import zip_longest
 
 from mrdamper.data.formats.clocks import Sampling, stated_sampling
@@ -46,12 +46,15 @@ _ENTRY = re.compile(r"\W*(.*?)\s*(?:=|:|\t|;)\s*(.*?)\s*")
 
 
 @dataclass(frozen=True, slots=True)
-class Properties:
-    """Names of the columns with units, the stated factors and offsets, and the time step."""
+class Header:
+    """Names of columns, and the lines above the names with their cells separated by blanks."""
 
     names: tuple[str, ...]
-    scales: Mapping[str, tuple[float, float]]  # column -> factor, offset [unit of the column]
-    sampling: Sampling | None
+    said: tuple[str, ...]
+    named: bool = True  # False: no row of names was found
+    scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # factor, offset
+    sampling: Sampling | None = None
+    spans: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # factor, offset of raw values
 
 
 def property_of(text: str) -> str:
@@ -59,16 +62,12 @@ def property_of(text: str) -> str:
     apart = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text)
     words = re.sub(r"[\W_\d]+", " ", apart).lower().split()
     has_value = re.search(r"[:=]\s*\w", text) is not None
+    if not 0 < len(words) <= 3 or words == ["full", "scale"] or has_value:
+        return ""
     for name, form in _WORDS.items():
-        if (
-            words
-            and len(words) <= 3
-            and words != ["full", "scale"]
-            # The "vertical scale" of an oscilloscope applies to the screen, not to the samples.
-            and not (words[0] == "vertical" and name in {"factor", "offset"})
-            and not has_value
-            and (form.fullmatch(words[-1]) or form.fullmatch(words[0]))
-        ):
+        # The "vertical scale" of an oscilloscope applies to the screen, not to the samples.
+        is_of_screen = words[0] == "vertical" and name in {"factor", "offset"}
+        if not is_of_screen and (form.fullmatch(words[-1]) or form.fullmatch(words[0])):
             return f"x {name}" if words[0] in _OF_TIME else name
     return ""
 
@@ -87,8 +86,10 @@ def name_in(lines: Sequence[str]) -> str:
 
 def find_properties(
     rows: Sequence[Sequence[str]], lines: Sequence[str], first: Sequence[str]
-) -> Properties | None:
-    """Return the properties of the channels, None unless the lines state the names and one more property.
+) -> Header | None:
+    """Return names, factors and time step of the channels, None if the lines do not state the names.
+
+    At least one more property must be stated.
 
     Parameters
     ----------
@@ -144,7 +145,7 @@ def find_properties(
     above = rows[-1] if rows else ()
     if before and len(above) == count and all(_NUMBERED.fullmatch(cell) for cell in above[len(before) :]):
         before = [*above[: len(before)]]  # names in the row of channel numbers
-    return Properties((*[""] * leads, *before, *spelled), scales, stated_sampling(settings))
+    return Header((*[""] * leads, *before, *spelled), (), scales=scales, sampling=stated_sampling(settings))
 
 
 def _is_number(cell: str) -> bool:
@@ -162,11 +163,8 @@ def _by_rows(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, list[str]]]:
     The values are in the same row, or in the next row.
     """
     for row, below in zip_longest(rows, rows[1:], fillvalue=()):
-        name = property_of(row[0]) if row else ""
-        if name and any(row[1:]):
-            yield name, [*row[1:]]
-        elif name:
-            yield name, [*below]
+        if row and (name := property_of(row[0])):
+            yield name, [*(row[1:] if any(row[1:]) else below)]
 
 
 def _by_channels(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, list[str]]]:
