@@ -178,17 +178,16 @@ def _read_all(
     warmed, logs = join_temperature_logs([*read, *joined], unread, load_map(chosen), answers)
     unreadable = [item for item in unreadable if item.path not in {*members, *logs}]
     ignored = _ignored_files(unreadable, [path for path, _ in warmed], given | {*frames})
-    faulty = [replace(each, path=_outside(each.path, space)) for each in unreadable if each not in ignored]
+    faulty = [
+        replace(item, path=Path(f"{item.path}".replace(f"{space}/", "")))
+        for item in unreadable
+        if item not in ignored
+    ]
     named_files = _with_distinct_names(warmed, space)
     runs = tuple(recording for _, file in named_files for recording in file.recordings)
     stating_findings = (document.finding for document in documents if document.lines)
     findings = (*stating_findings, *logs.values(), *map(_no_run_finding, ignored))
     return ReadFiles(tuple(named_files), tuple(faulty), runs, findings)
-
-
-def _outside(path: Path, space: Path) -> Path:
-    """Return the path of a file for messages, without the temporary folder ``space`` of unpacked archives."""
-    return path.relative_to(space) if path.is_relative_to(space) else path
 
 
 def _series_of(path: Path) -> str:
@@ -243,7 +242,7 @@ def _with_distinct_names(read: Sequence[tuple[Path, RigFile]], space: Path) -> l
         findings = tuple(replace(item, run=new[item.run]) for item in file.findings)
         inferred = tuple(replace(item, run=new[item.run]) for item in file.inferred)
         shown = replace(file, recordings=recordings, findings=findings, inferred=inferred)
-        named.append((_outside(path, space), shown))
+        named.append((Path(f"{path}".replace(f"{space}/", "")), shown))
     return named
 
 

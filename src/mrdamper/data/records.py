@@ -269,10 +269,8 @@ def _faults(run: RigRun) -> list[InputError]:
 def channels_of(recording: Recording) -> dict[str, FloatArray]:
     """Return the channels of a recording by role."""
     command = "current" if recording.command_unit == "A" else "voltage"
-    given = {name: getattr(recording, name) for name in CHANNELS}
-    return {
-        command if name == "command" else name: values for name, values in given.items() if values is not None
-    }
+    roles = {name: command if name == "command" else name for name in CHANNELS}
+    return {role: values for name, role in roles.items() if (values := getattr(recording, name)) is not None}
 
 
 def find_missing_numbers(recording: Recording) -> Iterator[Finding]:

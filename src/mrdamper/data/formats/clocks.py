@@ -103,7 +103,12 @@ def with_samplings(table: Table, stated: Mapping[str, Sampling | None]) -> Table
         return table
     begun = [each.began.later(each.offset_s) for each in known.values() if each.began is not None]
     start = min((each for each in begun if each.has_date), key=lambda each: each.day_first_s, default=None)
-    known = _with_begin(known)
+    # If the file states at most one start, all channels begin together. If it states several starts, the
+    # channels without a start are omitted.
+    begins = {each.began_s for each in known.values()} - {None}
+    if len(begins) == 1:
+        known = {name: replace(each, began=None) for name, each in known.items()}
+    known = {name: each for name, each in known.items() if len(begins) < 2 or each.began is not None}
     starts = {name: (each.began_s or 0.0) + each.offset_s for name, each in known.items()}
     zero = min(starts.values())
     times = {
@@ -132,7 +137,8 @@ def with_times(
     clocks: dict[str, FloatArray] = {}
     clock_of: dict[str, str] = {}
     for name, values in times.items():
-        tolerance_s = SETTINGS.clock_tolerance_steps * np.ptp(values) / max(len(values) - 1, 1)
+        step_s = np.ptp(values) / (len(values) - 1) if len(values) > 1 else 0.0
+        tolerance_s = SETTINGS.clock_tolerance_steps * step_s
         equal = (clock for clock, other in clocks.items() if len(other) == len(values))
         same = (clock for clock in equal if (np.abs(clocks[clock] - values) <= tolerance_s).all())
         clock_of[name] = next(same, titles[name] if titles else f"clock {len(clocks) + 1}")
@@ -148,18 +154,6 @@ def with_times(
         clocks=numbers | {name: numbers[clock] for name, clock in clock_of.items()},
         recorded_apart=True,
     )
-
-
-def _with_begin(known: Mapping[str, Sampling]) -> dict[str, Sampling]:
-    """Return the samplings of the channels that can be placed on one time axis.
-
-    If the file states at most one start, all channels begin together. If the file states several starts,
-    the channels without a start are omitted.
-    """
-    begins = {each.began_s for each in known.values()} - {None}
-    if len(begins) == 1:
-        return {name: replace(each, began=None) for name, each in known.items()}
-    return {name: each for name, each in known.items() if not begins or each.began is not None}
 
 
 def _words(name: str) -> tuple[str, str]:

@@ -239,11 +239,11 @@ def attribute_lines(attributes: Mapping[str, object]) -> tuple[str, ...]:
     for key, value in list(attributes.items())[: SETTINGS.attribute_lines_max]:
         text = f"{as_text(value)}"
         header = parse_header(key)
-        unit = header[1] if header is not None else word_and_unit(key)[1]
-        beside = as_text(attributes.get(f"{key}_unit", attributes.get(f"{key}_units", "")))
-        unit = unit or (beside if isinstance(beside, str) else "")
+        unit = (header[1] if header else word_and_unit(key)[1]) or as_text(
+            attributes.get(f"{key}_unit", attributes.get(f"{key}_units", ""))
+        )
         number = number_in(text.strip(), ".")
-        if unit and roles_of_unit(unit) and number is not None:
+        if isinstance(unit, str) and roles_of_unit(unit) and number is not None:
             text = f"{number:g} {unit}"
         lines.append(f"{key}: {text}"[: SETTINGS.attribute_length_max])
     return tuple(lines)

@@ -49,8 +49,7 @@ def read_mdf(path: Path, options: FileOptions) -> Table:
 def _require_no_formula(file: Any, path: Path) -> None:  # noqa: ANN401 - asammdf's file
     for group in file.groups:
         for channel in group.channels:
-            said = _formula(channel.conversion)
-            if said:
+            if said := _formula(channel.conversion):
                 found = f"channel {str(channel.name)!r} is scaled by the formula {said[:60]!r}"
                 remedy = "Formulas are not run: export the run with its values scaled"
                 raise InputError(place=path, found=found, remedy=remedy)

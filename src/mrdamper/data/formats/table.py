@@ -60,17 +60,16 @@ class Layout:
 
     def in_words(self) -> str:
         """Return the layout as text for the user."""
-        words = [self.format]
         named = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "blanks"}
-        if self.delimiter:
-            words.append(f"separated by {named.get(self.delimiter, repr(self.delimiter))}")
-        if self.decimal:
-            words.append("decimal comma" if self.decimal == "," else "decimal point")
-        if self.header_lines is not None:
-            words.append(f"{self.header_lines} header line{'' if self.header_lines == 1 else 's'}")
-        if self.part:
-            words.append(f"part {self.part!r}")
-        return ", ".join([*words, *self.notes])
+        lines = self.header_lines
+        words = (
+            self.format,
+            self.delimiter and f"separated by {named.get(self.delimiter, repr(self.delimiter))}",
+            self.decimal and f"decimal {'comma' if self.decimal == ',' else 'point'}",
+            "" if lines is None else f"{lines} header line{'' if lines == 1 else 's'}",
+            self.part and f"part {self.part!r}",
+        )
+        return ", ".join([*filter(None, words), *self.notes])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as JSON values."""

@@ -51,9 +51,7 @@ def number_in(cell: str, decimal: str) -> float | None:
 
 def is_number(cell: str) -> bool:
     """Return True if a cell is a number, with either decimal sign."""
-    if _PLAIN.fullmatch(cell):  # Most cells are plain numbers.
-        return True
-    return number_in(cell, ".") is not None or number_in(cell, ",") is not None
+    return bool(_PLAIN.fullmatch(cell)) or any(number_in(cell, sign) is not None for sign in ".,")
 
 
 class Cells:

@@ -77,13 +77,11 @@ def open_text_bytes(source: TextSource) -> BinaryIO:
     """
     if isinstance(source, TextInMemory):
         return io.BytesIO(source.content)
-    stream = source.open("rb")
-    head = stream.read(1 << 16)
-    stream.seek(0)
+    with source.open("rb") as stream:
+        head = stream.read(1 << 16)
     wide = utf16_of(head[:512])
     if not wide and (b"\n" in head or head.count(b"\r") < 2):
-        return stream
-    stream.close()
+        return source.open("rb")
     if size_of(source) > SETTINGS.whole_file_max_bytes:
         size = f"more than {SETTINGS.whole_file_max_bytes >> 20} MB"
         found = f"the text is UTF-16 or has line ends of CR, and {size}"
