@@ -7,6 +7,7 @@ asammdf would run the formula as code.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -34,7 +35,7 @@ def read_mdf(path: Path, options: FileOptions) -> Table:
     """Return the channels of an MDF file."""
     asammdf = load_extra("asammdf", "asammdf", "MDF files")
     for kind in (asammdf.blocks.mdf_v3.MDF3, asammdf.blocks.mdf_v4.MDF4):
-        kind.__del__ = lambda _: None  # It prints a traceback for a file that could not be opened.
+        kind.__del__ = _close  # The original prints a traceback for a file that could not be opened.
     with (
         path.open("rb") as stream,  # asammdf would unpack archives next to a file that it opens by name.
         asammdf.MDF(stream, process_bus_logging=False) as file,
@@ -44,6 +45,11 @@ def read_mdf(path: Path, options: FileOptions) -> Table:
         start = moment_of(file.header.start_time.isoformat())
     clocks = table.clocks or dict.fromkeys(table.names, 0)
     return replace(table, clocks=clocks, recorded_apart=False, start=start)
+
+
+def _close(file: Any) -> None:  # noqa: ANN401 - asammdf's file
+    with suppress(Exception):
+        file.close()
 
 
 def _require_no_formula(file: Any, path: Path) -> None:  # noqa: ANN401 - asammdf's file
