@@ -87,7 +87,11 @@ class Frame:
                 continue
             if values.dtype.kind == "O" and len(values) and isinstance(values[0], datetime | timedelta):
                 first = values[0] if isinstance(values[0], datetime) else timedelta()
-                values = (values - first).astype("timedelta64[ns]")
+                numbers[name], units[name] = (
+                    np.array([(each - first).total_seconds() for each in values]),
+                    "s",
+                )
+                continue
             try:
                 numbers[name], units[name] = as_column(values)
             except (TypeError, ValueError) as fault:
