@@ -360,14 +360,14 @@ def _blocks(path: TextSource, start: int, stop: int, first_line: int) -> Iterato
     """Generate blocks of whole lines of a file, each with the number of its first line."""
     with open_text_bytes(path) as stream:
         stream.seek(start)
-        while (left := stop - stream.tell()) > 0 and (lines := stream.readlines(min(_BLOCK_BYTES, left))):
-            content = b"".join(lines)[:left]
+        while content := stream.read(min(_BLOCK_BYTES, stop - stream.tell())):
+            content += b"" if content.endswith(b"\n") else stream.readline(_BLOCK_BYTES)
             if b"\0" in content:
                 found = f"holds zero bytes after about line {first_line}"
                 remedy = "The file was cut off while it was written: cut the rest off, or record again"
                 raise InputError(place=f"{path}", found=found, remedy=remedy)
             yield content, first_line
-            first_line += len(lines)
+            first_line += content.count(b"\n")
 
 
 def _parse_numeric_block(content: bytes, layout: Layout, count: int) -> list[FloatArray | Texts] | None:
