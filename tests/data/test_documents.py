@@ -112,6 +112,28 @@ def archived(folder: Path) -> None:
     write(folder, "README.md", "| File | I (A) | T (°C) |\n|--|--|--|\n" + each("| %(n)s | %(i)s | 30 |\n"))
 
 
+def specimens(folder: Path) -> None:
+    """Write runs in a subfolder, and a list of specimens with a remark above the subfolder."""
+    from openpyxl import Workbook
+
+    for k, run in enumerate(RUNS, 1):
+        write(folder, f"raw/Probe_{k}.csv", BARE + table(*columns(run)[:3]))
+    write(folder, "raw/summary.csv", "Probe;Fmax [N]\n1;900\n2;901\n3;902\n")
+    book = Workbook()
+    rows = [[k, i, 30] for k, i in enumerate(CURRENTS, 1)]
+    for row in (["Prüfliste"], [], ["Probe", "Strom [A]", "Öl [°C]"], *rows, [], ["Netzgerät geprüft"]):
+        book.active.append(row)
+    book.save(folder / "Liste.xlsx")
+
+
+def codes(folder: Path) -> None:
+    for k, run in enumerate(RUNS):
+        write(folder, f"MR_I{k}_T1.csv", BARE + table(*columns(run)[:3]))
+    rows = "".join(f"| `I{k}` | coil current {i} A |\n" for k, i in enumerate(CURRENTS))
+    write(folder, "MR_I0_T2.csv", BARE + table(*columns(RUNS[0])[:3]))
+    write(folder, "README.md", f"| code | meaning |\n|--|--|\n{rows}| T1 | oil 30 °C |\n| T2 | oil 50 °C |\n")
+
+
 CURRENT_LIST = ", ".join(map(str, CURRENTS))
 CHANNELS = [
     {"name": name, "unit": unit} for name, unit in zip(("time", "pos", "load"), UNITS.values(), strict=True)
@@ -188,6 +210,19 @@ DOCUMENTS: dict[str, Writer] = {
         + each("v(%(k)s).file = '%(n)s.csv'; v(%(k)s).I = %(i)s; %% A\nv(%(k)s).T_oil = 30; %% degC\n"),
         head="",
     ),
+    "comment_with_list_of_columns": about(
+        "evaluate.m",
+        "% each line holds the time [s], displacement [mm], force [N]\n"
+        + each("r(%(k)s).file = '%(n)s.csv'; r(%(k)s).I = %(i)s; r(%(k)s).T = 30;  %% A, degC, sine\n"),
+        head="",
+    ),
+    "explained_names": about(
+        "vars.txt",
+        "c1    time of day, s\nc2 = stroke, mm, rod out positive\n- `c3`: force in N (pull positive)\n"
+        + each("%(n)s  coil current %(i)s A, oil temperature 30 °C\n"),
+        head="c1,c2,c3\n",
+    ),
+    "specimens_in_a_workbook_with_remark": specimens,
     "workbook_with_a_column_for_each_run": workbook,
     "open_document": open_document,
     "protocol_in_each_folder": protocols,
@@ -209,6 +244,23 @@ def test_document_supplies_current_and_temperature(tmp_path, document):
     assert_read(read_runs(tmp_path), warm=WARM_K)
 
 
+def test_codes_in_names_are_explained_by_document(tmp_path):
+    codes(tmp_path)
+    read = {run.name: run for run in read_runs(tmp_path).runs}
+    assert [read[f"MR_I{k}_T1"].constant_command for k in range(3)] == [*CURRENTS]
+    assert read["MR_I0_T2"].constant_command == CURRENTS[0]
+    assert {run.temperature if run.temperature is None else run.temperature[0] for run in read.values()} == {
+        WARM_K,
+        WARM_K + 20.0,
+    }
+
+
+def test_name_with_comma_and_unit_is_searched_once(tmp_path):
+    """A folder with a decimal comma in its name is compared with the names of the files."""
+    full(tmp_path / "run 1,0 A")
+    assert_read(read_runs(tmp_path))
+
+
 UNCLEAR: dict[str, Writer] = {
     "limits": about("rig.json", json.dumps({"limit": {"current": {"value": 2, "unit": "A"}}}), BARE),
     "supply": about("rig.yaml", "supply:\n  voltage: 24 V\n  current: 5 A\n", BARE),
@@ -220,6 +272,16 @@ UNCLEAR: dict[str, Writer] = {
     "files_of_another_day": about("list.csv", "No,File,I [A]\n" + each("%(k)s,old_0%(k)s.csv,%(i)s\n"), BARE),
     "two_currents": beside(
         ".json", lambda i: json.dumps({"start_current_A": i, "end_current_A": i + 1}), BARE
+    ),
+    "contradictory_columns": about(
+        "a.m",
+        "% time (s), disp (mm), force (N)\n% time (s), disp (m), force (N)\n"
+        + each("%% %(n)s.csv: %(i)s A\n"),
+        "",
+    ),
+    "contradictory_names": about("a.txt", "x  stroke, mm\nx  stroke, m\n" + each("%(n)s  %(i)s A\n")),
+    "columns_of_another_file": about(
+        "a.txt", "sum.dat: time (s), disp (mm), force (N)\n" + each("%(n)s  %(i)s A\n"), ""
     ),
     "missing_unit": beside(".json", lambda i: json.dumps({"current_A": i, "units": {"t": "s", "x": "mm"}})),
 }

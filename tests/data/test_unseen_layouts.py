@@ -217,6 +217,17 @@ def long(run: RigRun) -> str:
     )
 
 
+def long_with_unit_and_run(folder: Path) -> None:
+    """Write all runs as one long table, with a temperature at a lower rate."""
+    rows = []
+    for k, run in enumerate(RUNS):
+        t, *signals = columns(run)
+        for name, unit, values in zip(("stroke", "load", "current"), ("mm", "N", "A"), signals, strict=True):
+            rows += [f"r{k},{name},{unit},{a:.6f},{b:.6f}\n" for a, b in zip(t, values, strict=True)]
+        rows += [f"r{k},oil_temperature,degC,{a:.6f},30\n" for a in (t[0], *t[::50], t[-1])[1:]]
+    write(folder, "all.csv", "run,signal,unit,time_s,value\n" + "".join(rows))
+
+
 def bystanders(folder: Path) -> None:
     full(folder)
     write(
@@ -296,6 +307,9 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
         "Test no.;Current [A];Remark\n",
     ),
     "long": each(long),
+    "seconds_since_1970": each(
+        lambda run: FULL.replace("time", "epoch") + table(1.7e9 + run.time, *columns(run)[1:])
+    ),
     "one_table_of_all_runs": one_table_of_all_runs,
     "units_in_a_document": units_in_a_document,
     "disconnected_cell": each(
@@ -422,6 +436,7 @@ WARM: dict[str, Callable[[Path], None]] = {
     "list_of_sheets_in_a_file": lambda folder: sheets(folder, listed=False),
     "list_of_folders": runs_in_folders,
     "list_of_channel_files": listed_channel_files,
+    "long_table_with_units_and_runs": long_with_unit_and_run,
 }
 
 
@@ -495,6 +510,12 @@ def test_run_without_current_leads_to_question(tmp_path, name):
 def test_table_of_peaks_is_no_run(tmp_path):
     """The displacement columns ``Smax`` and ``Smin`` are constant."""
     full(tmp_path)
+    rows = "".join(f"{k},{250 + k},-250,14.{k % 7},-14\n" for k in range(40))
+    write(
+        tmp_path,
+        "trend.csv",
+        f"Count [cycles],Force Maximum [N],Force Minimum [N],Stroke Maximum [mm],Stroke Minimum [mm]\n{rows}",
+    )
     rows = "".join(f"{k},{250 + k},-250,14,-14\n" for k in range(4))
     write(tmp_path, "peaks.csv", f"Cycle,Fmax [N],Fmin [N],Smax [mm],Smin [mm]\n{rows}")
     assert_read(read_runs(tmp_path))

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from typing import Any
 
 from mrdamper.data.channels import Channel, ChannelMap
-from mrdamper.data.formats.table import SKIPPED, Table
+from mrdamper.data.formats.table import SKIPPED, Table, distinct_names
 from mrdamper.data.formats.timestamps import date_in
 from mrdamper.data.proposal.questions import Topic, ask
 from mrdamper.data.words.headers import (
@@ -93,26 +95,38 @@ def headers_of(table: Table) -> list[Header]:
     return [each for each in headers if each not in results or roles.count((*each.of_unit, each.of_word)) < 2]
 
 
-def explained(table: Table, notes: Sequence[str]) -> Table:
-    """Add names, units, scales and sampling rate from a document's lines to a table.
+def explained(table: Table, notes: Sequence[str], chosen: ChannelMap, file: str) -> Table:
+    """Add names, units, scales and sampling rate from the lines ``notes`` of documents to a table of a file.
 
-    Only missing names and units are added. Numbered entries name the columns if there is an entry for each.
-    A sampling rate or a unit that contradicts the file is added, too, because it leads to a question.
+    Only missing names and units are added. Numbered entries or a list in a line name the columns if there
+    is an entry for each. A line that begins with the name of a column explains it. Names are not replaced if
+    the channel map has names. A rate or a unit that contradicts the file is added and leads to a question.
     """
+    is_mapped = any(channel.name or channel.pattern for channel in chosen.channels.values())
     legend = [entry for line in notes for entry in legend_in(line)]
     numbered = {number: f"{word} [{unit}]" for number, word, unit in legend if number is not None}
-    names = dict(enumerate(table.names, 1))
-    if numbered.keys() == names.keys() and all(name.startswith("column ") for name in table.names):
-        columns = {numbered[k]: table.columns[name] for k, name in names.items() if name in table.columns}
-        table = replace(table, names=tuple(numbered[k] for k in names), columns=columns)
+    order = range(1, len(table.names) + 1)
+    lists = {names for names in _lists_in(notes, file) if len(names) == len(order)}
+    lists |= {tuple(numbered[k] for k in order)} if numbered.keys() == {*order} else set()
+    is_named = len(lists) == 1 and not is_mapped and all(name.startswith("column ") for name in table.names)
+    table = _renamed(table, dict(zip(table.names, lists.pop(), strict=True))) if is_named else table
+    remarks: tuple[str, ...] = (f"columns from a document: {', '.join(table.names)}",) if is_named else ()
     units: dict[str, str] = {}
     other_units: dict[str, str] = {}
+    meant: dict[str, str] = {}
     headers = [header_of(table, name) for name in table.columns]
+    # A table of results in a document may have other units than the samples.
+    sentences = (line for line in notes if not re.search(r"[\t;]", line))
+    in_sentences = [each for line in sentences if re.search(r"[:=]|\bin\b", line) for each in legend_in(line)]
     for header in headers:
+        meanings = _meanings(header.name, notes)
         own = [unit for _, word, unit in legend if _means_same(word, header)]
+        own += [unit for _, unit in meanings]
         if not header.unit and len({*own}) == 1 and header.of_word in {"", *roles_of_unit(own[0])}:
             units[header.name] = own[0]
-        stated = [unit for word, unit in _sentences(notes) if _means_same(word, header)]
+            if len(meanings) == 1 and not is_mapped:
+                meant[header.name] = f"{meanings[0][0]} [{own[0]}]"
+        stated = [unit for _, word, unit in in_sentences if _means_same(word, header)]
         for role in header.of_unit if header.unit and header.of_word in {"", *header.of_unit} else ():
             same = {unit: to_si(1.0, unit, role) for unit in stated if role in roles_of_unit(unit)}
             if same and to_si(1.0, header.unit, role) not in same.values():
@@ -127,7 +141,7 @@ def explained(table: Table, notes: Sequence[str]) -> Table:
     signs = () if signs_in(table.said) else tuple(line for line in notes if signs_in([line]))
     dates = tuple(line for line in notes if date_in([line]))
     dates = dates if date_in(dates) and not date_in(table.said) else ()
-    remarks = (f"units from a document: {', '.join(units)}",) if units else ()
+    remarks += (f"units from a document: {', '.join(units)}",) if units else ()
     if rates and not own_rates and not any(each.of_word == "time" for each in headers):
         remarks = (*remarks, f"sampling rate from a document: {rates[0].strip()!r}")
     layout = replace(table.layout, notes=(*table.layout.notes, *remarks))
@@ -136,16 +150,50 @@ def explained(table: Table, notes: Sequence[str]) -> Table:
         said = (*said, f"sampling rate: {1.0 / table.step_s:.9g} Hz")
         table = replace(table, step_s=None)
     units = {**table.units, **units}
-    return replace(table, layout=layout, units=units, other_units=other_units, said=said)
+    table = replace(table, layout=layout, units=units, other_units=other_units, said=said)
+    return _renamed(table, meant) if meant else table
 
 
-def _sentences(notes: Sequence[str]) -> list[tuple[str, str]]:
-    """Return the words and units in sentences such as ``Units: force in kN``.
+def _renamed(table: Table, names: Mapping[str, str]) -> Table:
+    """Return a table with other names of some columns. Repeated names are numbered."""
+    order = distinct_names([names.get(name, name) for name in table.names])
+    new = dict(zip(table.names, order, strict=True))
+    fields: dict[str, Any] = {
+        part: {new.get(name, name): value for name, value in getattr(table, part).items()}
+        for part in ("columns", "texts", "units", "other_units", "clocks", "stamps", "scales")
+    }
+    return replace(table, names=tuple(order), **fields)
 
-    The headings and rows of tables are omitted, because a table of results may have other units.
+
+def _lists_in(notes: Sequence[str], file: str) -> list[tuple[str, ...]]:
+    """Return the columns in lines such as ``time (s), force (N)``, except lines on results or other files."""
+    found = []
+    for line in notes:
+        files = re.findall(r"[\w*?#.-]+\.[A-Za-z]\w{0,4}\b", line)
+        entries = [entry for entry in legend_in(line, words_max=9) if entry[0] is None]
+        roles = {role for _, _, unit in entries for role in roles_of_unit(unit)}
+        is_other = bool(files) and not any(fnmatchcase(file, name) for name in files)
+        if not is_other and {"displacement", "force"} <= roles and not has_word(line, "statistic"):
+            found.append(tuple(f"{word} [{unit}]" for _, word, unit in entries))
+    return found
+
+
+def _meanings(name: str, notes: Sequence[str]) -> list[tuple[str, str]]:
+    """Return the different (words, unit) in lines such as ``s  stroke of the rod, mm`` on column ``s``.
+
+    The words must name a quantity of the unit. A line with a number, such as a range, is ignored.
     """
-    lines = [line for line in notes if not re.search(r"[\t;]", line) and re.search(r"[:=]|\bin\b", line)]
-    return [(word, unit) for line in lines for _, word, unit in legend_in(line)]
+    form = re.compile(
+        rf"\W*{re.escape(name)}[`'\"*]*(?:\s*(?:[:=|,]|->?|\u2013)\s+|\s{{2,}}|\t\s*)([^\W\d].*)"
+    )
+    found: dict[tuple[str, str], None] = {}
+    for match in filter(None, map(form.fullmatch, notes)):
+        words, *others = filter(None, re.split(r"\s*[][,;|()]\s*|\s+in\s+", match[1].strip()))
+        units = [text for text in others if roles_of_unit(text)]
+        is_meant = any(speaks_of(words, role) for text in units for role in roles_of_unit(text))
+        if len(units) == 1 and is_meant and not any(text[:1].isdigit() for text in others):
+            found[words, units[0]] = None
+    return [*found]
 
 
 def _means_same(word: str, header: Header) -> bool:

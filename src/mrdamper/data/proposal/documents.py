@@ -31,7 +31,8 @@ from mrdamper.files import MAP_SUFFIX
 from mrdamper.quantities import is_any_unit
 
 _RUN = r"run|test|file|rec|record|versuch|lauf|messung|essai|prueba"
-_NUMBER_WORDS = re.compile(rf"^$|\b(no|nr|num|number|id|{_RUN})\b|#", re.IGNORECASE)
+_SPECIMEN = r"specimen|probe|prüfling|éprouvette|échantillon|provino|muestra|probeta|amostra|próbka|试样|试件"
+_NUMBER_WORDS = re.compile(rf"^$|\b(no|nr|num|number|id|{_RUN})\b|^({_SPECIMEN})\b|#", re.IGNORECASE)
 _NUMBER_IN_LINE = re.compile(  # The number of a run, as in "run 7", but no value, as in "test 2 A".
     rf"\b(?:{_RUN})s?[\s_.#-]{{0,2}}(\d{{1,9}})\b(?![.,]\d|\s?(?:m?[AV]|°|deg|[CK]|mm|k?Hz|s|k?N|%)\b)",
     re.IGNORECASE,
@@ -98,14 +99,13 @@ class _Files:
         owners.pop("", None)
         # Equal names in different folders are ambiguous.
         self.names = {name: tuple(*found.values()) for name, found in owners.items() if len(found) == 1}
-        # Codes are parts of names with letters and a number, such as I2 and T1 in "MRD_I2_T1".
-        codes: dict[str, list[Path]] = {}
-        for path in files:
-            for code in {*re.findall(r"(?<![^\W_])[^\W\d_]+\d+(?![^\W_])", path.stem.lower())}:
-                codes.setdefault(code, []).append(path)
-        self.names = {**{code: tuple(found) for code, found in codes.items()}, **self.names}
         self.suffixes = {path.suffix.lower() for path in files} - {""}
-        # Files by the last number in the name of the run or folder, if all these numbers are different.
+        # Files by a code in their names, such as T1 in "MRD_T1_I0.csv", if other files have other codes.
+        words = {path: {*re.split(r"[\W_]+", path.stem.lower())} for path in files}
+        codes = {each for own in words.values() for each in own if re.fullmatch(r"[a-z]{1,3}\d+", each)}
+        named = {code: tuple(path for path in files if code in words[path]) for code in codes}
+        self.codes = {code: found for code, found in named.items() if len(found) < len(files)}
+        # Files by the last number in the name of the run or folder, if these numbers are different.
         self.numbers: dict[int, tuple[Path, ...]] = {}
         for keys in (
             [path.parent / strip_channel(own_name(path)) for path in files],
@@ -114,9 +114,11 @@ class _Files:
             groups: dict[Path, list[Path]] = {}
             for key, path in zip(keys, files, strict=True):
                 groups.setdefault(key, []).append(path)
-            last = {group: re.findall(r"\d{1,9}", group.name) for group in groups}
-            numbers = {int(found[-1]): tuple(groups[group]) for group, found in last.items() if found}
-            if not self.numbers and len(numbers) == len(groups) > 1:
+            last = {group: found for group in groups if (found := re.findall(r"\d{1,9}", group.name))}
+            numbers = {int(found[-1]): tuple(groups[group]) for group, found in last.items()}
+            # A file without a number, such as a table of results, may be next to one series of files.
+            is_series = len({re.sub(r"\d+", "#", group.name) for group in last}) == 1
+            if not self.numbers and len(numbers) == len(last if is_series else groups) > 1:
                 self.numbers = numbers
 
     def in_cell(self, cell: str) -> tuple[Path, ...]:
@@ -300,6 +302,7 @@ def _lines_by_file(
             mentions += 1
             continue
         named = next((named for cell in cells if (named := known.in_cell(cell))), ())
+        named = named or known.codes.get(cells[0].strip(" `*\"'-").lower(), ())
         if not named and len(cells) == len(header):
             counts = [cell for name, cell in zip(header, cells, strict=True) if _NUMBER_WORDS.search(name)]
             if not known.are_others([cell.lower() for cell in cells]):

@@ -69,7 +69,7 @@ def join_channel_files(
         with suppress(InputError, ValueError, IndexError):
             # A short file of another channel states only its own sampling rate.
             notes = [line for each in documents if each.path not in tables for line in each.notes(path)]
-            channel = _channel_of(explained(table, notes), chosen, path)
+            channel = _channel_of(explained(table, notes, chosen, path.name), chosen, path)
             folders.setdefault(path.parent, []).append(channel)
     joined: list[tuple[Path, RigFile]] = []
     members: set[Path] = set()

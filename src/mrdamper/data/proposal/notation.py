@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from itertools import zip_longest
 from typing import TypeAlias
 
 from mrdamper.data.formats.lines.cells import is_number
@@ -96,8 +97,12 @@ def _tree_of_lines(text: str, suffix: str) -> tuple[list[str], Node]:
         is_open = sum(map(body.count, "[{")) > sum(map(body.count, "]}"))
         begun = f"{body}, " if is_open else ""
         remarks += [remark] if remark and (is_open or not body.strip()) else []
-        for part in [] if is_open else _STATEMENT_END.split(body) if suffix in SCRIPTS else [body]:
-            _add_entry(part, suffix, remark, tree, levels)
+        parts = [] if is_open else _STATEMENT_END.split(body) if suffix in SCRIPTS else [body]
+        values = [part for part in parts if is_number(part.rpartition("=")[2].strip())]
+        units = re.split(r"[,;]\s*", remark)[: len(values)]  # "I = 0.5; T = 25; % A, degC"
+        remark_of = dict(zip_longest(values, units, fillvalue="")) if values[1:] else {}
+        for part in parts:
+            _add_entry(part, suffix, remark_of.get(part, remark), tree, levels)
     return remarks, tree
 
 

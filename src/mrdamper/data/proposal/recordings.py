@@ -99,7 +99,7 @@ def runs_in(
     stated : lines of documents about the file
     notes : all lines of documents, which may explain columns and the sampling rate
     """
-    tables = [explained(table, notes) for table in tables] if notes else tables
+    tables = [explained(table, notes, chosen, file.name) for table in tables] if notes else tables
     parts: list[_Part] = []
     faults: list[InputError] = []
     tables = [
@@ -149,16 +149,17 @@ def _may_be_run(table: Table, *, is_foreign: bool) -> bool:
     is_sweep = any(_is_other_quantity(name) and increases(table, name) for name in table.names)
     if not any(candidates(role, table.names) for role in QUANTITIES):  # Unnamed columns may have any role.
         return not (is_foreign or is_sweep or all(map(_is_other_quantity, table.names)))
-    motions = [name for role in ("displacement", "velocity") for name in candidates(role, table.names)]
+    samples = headers_of(table)
+    names = [each.name for each in samples]
+    motions = [name for role in ("displacement", "velocity") for name in candidates(role, names)]
     has_time = bool(table.stamps or table.clocks or table.step_s or candidates("time", table.names))
     if not has_time and (
         table.rows < LEAST_SAMPLES or is_sweep or all(increases(table, name) for name in motions)
     ):
         return False
-    samples = headers_of(table)
     # The motion may be in a column without a unit or with the unit V.
     is_unclear = any(not unit_in_brackets(each.name) or "voltage" in each.of_unit for each in samples)
-    has_force = bool(candidates("force", [each.name for each in samples]))
+    has_force = bool(candidates("force", names))
     if is_foreign:
         return bool(motions) and has_force
     return bool(motions) or (is_unclear and table.rows >= LEAST_SAMPLES and has_force)

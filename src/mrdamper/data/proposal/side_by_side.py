@@ -17,7 +17,7 @@ from mrdamper.data.formats.table import Table
 from mrdamper.data.proposal.clocks import unit_by_magnitude
 from mrdamper.data.words.headers import means, word_and_unit
 from mrdamper.data.words.labels import labels_in
-from mrdamper.quantities import QUANTITIES, roles_of_unit, to_si
+from mrdamper.quantities import QUANTITIES, is_any_unit, roles_of_unit, to_si
 
 _VALUE = re.compile(r"values?|val|wert|valeur|valor|reading|measurement", re.IGNORECASE)
 _UNNAMED = re.compile(r"(column \d+)?")  # name that a reader gives to a column without a name
@@ -108,6 +108,8 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
         if 2 <= len(kind) <= SETTINGS.table_columns_max
         and len({role for role in QUANTITIES if any(means(name or "", role) for name in kind)}) > 1
     ]
+    of_units = [name for name in named if named[1:] and all(is_any_unit(f"{each}") for each in kinds[name])]
+    named = [name for name in named if name not in of_units] or named
     of_time = {name for name in table.columns if "time" in roles_of_unit(word_and_unit(name)[1])}
     varying = [name for name, values in table.columns.items() if len({*values[np.isfinite(values)]}) > 1]
     times = [name for name in varying if means(name, "time") or name in {*of_time, *table.stamps}]
@@ -120,7 +122,9 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
     unit = unit or unit_by_magnitude(table.columns[times[0]])
     if len(values) != 1 or "time" not in roles_of_unit(unit):
         return (table,)
-    units = next((cells for name, cells in table.texts.items() if "unit" in name.lower()), None)
+    units = next(
+        (table.texts[name] for name in table.texts if name in of_units or "unit" in name.lower()), None
+    )
     words = [name for name in kinds if name not in named and table.texts[name] is not units]
     numbers = [name for name in numbers if name not in values]
     keys = [[attribute_lines({name: f"{value:g}"})[0] for value in table.columns[name]] for name in numbers]

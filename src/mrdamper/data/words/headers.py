@@ -70,6 +70,7 @@ _COMMAND = re.compile(
     r"|电压|電圧|전압|指令"
 )
 _COIL = re.compile(r"\b(coil|magnet\w*|solenoid|spule\w*|bobin[ae]|cewk\w*)\b|线圈|コイル")
+_EPOCH = re.compile(r"\b(epoch|posix|unix)\b")  # seconds since 1970
 _DUTY = re.compile(r"\b(pwm|duty\w*|tastgrad|tastverh\w*|control|drive\w*|steuer\w*)\b|占空比|듀티")
 _PER_CENT = re.compile(
     r"(?:%|\b(?:pct|percent|per cent|prozent)\b)"
@@ -94,10 +95,11 @@ def word_and_unit(header: str) -> tuple[str, str]:
 
 
 @lru_cache(maxsize=10_000)  # Documents of a folder are parsed for each of its files.
-def legend_in(line: str) -> list[tuple[int | None, str, str]]:
+def legend_in(line: str, words_max: int = 3) -> list[tuple[int | None, str, str]]:
     """Return (number or None, word, unit) of the columns that a line explains.
 
-    Examples: ``Columns: disp in mm, force in kN``, ``2: force [N]``, and the row ``force | kN``.
+    Examples: ``Columns: disp in mm, force in kN``, ``2: force [N]``, and the row ``force | kN``. A text
+    of more than ``words_max`` words is a sentence.
     """
     cells = [cell.strip(" `*\"'") for cell in re.split(r"[|\t;]", line.strip().strip("|"))]
     units = [cell for cell in cells[1:] if roles_of_unit(cell)]
@@ -106,7 +108,7 @@ def legend_in(line: str) -> list[tuple[int | None, str, str]]:
     if _VALUE.search(line):
         return []
     whole = _NUMBERED_CHUNK.fullmatch(" ".join(_REMARK.sub("", line).split()))
-    if whole and all(parts := word_and_unit(whole[2])) and len(parts[0].split()) <= 3:
+    if whole and all(parts := word_and_unit(whole[2])) and len(parts[0].split()) <= words_max:
         return [(int(whole[1]), *parts)]
     found: list[tuple[int | None, str, str]] = []
     for chunk in _CHUNKS.split(re.sub(r"(\d)\s*[.:=)]\s+", r"\1 ", line)):
@@ -115,15 +117,16 @@ def legend_in(line: str) -> list[tuple[int | None, str, str]]:
         word, unit = word_and_unit(text)
         if not unit and (match := _IN.fullmatch(text)) and roles_of_unit(match[2]):
             word, unit = match[1], match[2]
-        if word and unit and len(word.split()) <= 3:
+        if word and unit and len(word.split()) <= words_max:
             found.append((int(numbered[1]) if numbered else None, word, unit))
     return found
 
 
 def _means(word: str, roles: Sequence[str]) -> bool:
     """Return True if a word means one of the roles: ``coil current_A`` is a current, ``sensor_A`` is not."""
-    if "current" in roles and _COIL.search(_split_words(word)):
-        return True
+    for role, words in (("current", _COIL), ("time", _EPOCH)):
+        if role in roles and words.search(_split_words(word)):
+            return True
     return any(word.upper() == QUANTITIES[role].symbol.upper() or speaks_of(word, role) for role in roles)
 
 
