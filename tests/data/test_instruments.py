@@ -36,6 +36,15 @@ def counts(run: RigRun) -> str:
     return table((x + 2.5) / 1e-6, (f - 12.5) / 1e-3, i / 0.01, sign=";", form="%.0f")
 
 
+def readings(run: RigRun, sign: str = ";", zeros: tuple[float, ...] = (0.3, 0.02, 5e-3)) -> str:
+    """Return volts of three sensors: samples divided by their gain, plus the reading without load."""
+    values = zip(columns(run)[1:], (2.5, -2500.0, 0.2), zeros, strict=True)
+    return table(*(each / gain + zero for each, gain, zero in values), sign=sign, form="%.9f")
+
+
+GAINS = (
+    "Rate [Hz];200\nNo;Name;Unit;Gain;Zero\n1;Stroke;mm;2.5;0.3\n2;Load;N;-2500;0.02\n3;Coil;A;0.2;0.005\n"
+)
 FACTORS = "Vzorkování;200 Hz\nKanál;1;2;3\nNázev;Zdvih; Síla;Proud\nJednotka;mm;N;A\n"
 
 
@@ -158,6 +167,22 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
     "rows_of_factors": each(
         lambda run: FACTORS + "Faktor;1e-6;1e-3;0,01\nOffset;-2,5;12,5;0\n" + counts(run)
     ),
+    "conditions_in_a_row_for_each_column": each(
+        lambda run: (
+            f"Spulenstrom;{run.command[0]};A\nVorkraft;12;N\nNennhub;50;mm\n\nZeit;Weg;Kraft\ns;mm;N\n"
+            + table(*columns(run)[:3], sign=";")
+        )
+    ),
+    "equation_of_gain_and_zero": each(
+        lambda run: GAINS + "physical = Gain * (reading - Zero)\nU0;U1;U2\n" + readings(run)
+    ),
+    "keywords_without_colon": each(
+        lambda run: (
+            "SERIES Stroke,Load,Coil\nRATE 200\nVERT_UNITS mm,N,A\nSLOPE 2.5,-2500,0.2\n"
+            "Y_OFFSET -0.75,50,-0.001\nHORZ_UNITS Sec\nREM value = SLOPE * number + Y_OFFSET\nDATA\n"
+            + readings(run, ",")
+        )
+    ),
     "annotated_query": influx,
     "milliseconds_since_1970": epoch,
     "header_and_values": files(
@@ -198,6 +223,18 @@ def test_layout_of_instrument_is_read(tmp_path, layout):
     assert_read(read_runs(tmp_path))
 
 
+@pytest.mark.parametrize(
+    ("line", "warm"),
+    [
+        *(("DS18B20: 31.25 C", 304.4), ("PT100 = 31.25 C", 304.4), ("MAX6675 (type K) 31.25 C", 304.4)),
+        *(("Thermocouple type K, class 1, 1200 C", None), ("NTC: 0..100 C", None)),
+    ],
+)
+def test_value_of_temperature_sensor_is_temperature(tmp_path, line, warm):
+    each(lambda run: f"{line}\nCoil: {run.command[0]} A\n{BARE}{table(*columns(run)[:3])}")(tmp_path)
+    assert_read(read_runs(tmp_path), warm=warm)
+
+
 def two_sensors(folder: Path) -> None:
     """Write a table with one row per sample and channel. Two sensors have the same channel name."""
     x, f, i = columns(RUNS[1])[1:]
@@ -214,6 +251,18 @@ UNCLEAR: dict[str, Callable[[Path], None]] = {
     "unknown_rows_of_factors": each(lambda run: FACTORS + "Konst;1e-6;1e-3;0,01\n" + counts(run)),
     "other_equation": each(
         lambda run: "value = (code - offset) * factor\n" + FACTORS + "Faktor;1e-6;1e-3;0,01\n" + counts(run)
+    ),
+    "equation_without_its_offset": each(
+        lambda run: GAINS.replace("Zero", "Serial") + "value = Gain * (code - Zero)\n" + readings(run)
+    ),
+    "equation_of_other_direction": each(
+        lambda run: (
+            "code = Faktor * value + Offset\n"
+            + (FACTORS + "Faktor;1e-6;1e-3;0,01\nOffset;-2,5;12,5;0\n" + counts(run))
+        )
+    ),
+    "equation_already_applied": each(
+        lambda run: GAINS + "Already applied: value = Gain * (code - Zero)\n" + readings(run)
     ),
     "list_of_more_channels": each(
         lambda run: "200 Hz\n1;Stroke;mm\n2;Load;N\n3;Coil;A\n4;Oil;degC\nData\n" + samples(run, ";")

@@ -6,6 +6,7 @@ Readers do not guess. Missing information leads to a question, and inferred valu
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -163,7 +164,9 @@ def _read_all(
             return error
 
     chosen_files = [*frames, *(path for path in files if path not in stating)]
-    pool = Pool() if len(chosen_files) >= _PARALLEL_FILES_MIN else ONE_CORE
+    # A fork of a process in which Polars has started threads would wait for these threads for ever.
+    is_parallel = len(chosen_files) >= _PARALLEL_FILES_MIN and "polars" not in sys.modules
+    pool = Pool() if is_parallel else ONE_CORE
     for path, found in zip(chosen_files, pool.map(read_one, chosen_files), strict=True):
         if isinstance(found, RigFile):
             read.append((path, found))

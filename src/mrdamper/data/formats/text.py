@@ -116,7 +116,7 @@ def _table(path: TextSource, header: Header, layout: Layout, start: int, stop: i
         )
     if header.sampling is not None:
         table = with_samplings(table, dict.fromkeys(table.columns, header.sampling))
-    table = _converted(table, header.spans, "per cent or volts converted with the spans above the table")
+    table = _converted(table, header.spans, "converted with the spans or the equation above the table")
     if not header.scales:
         return table
     scaled = {name: scale for name, scale in header.scales.items() if name in table.columns}

@@ -45,8 +45,8 @@ _AFTER_UNIT = {
     for role, unit in _UNITS.items()
 }
 _NOT_SET = re.compile(
-    r"m[aá][xk]s?|min\b|l[ií]mit|range|rated|nominal|fuse|peak|full.?scale|100 ?%|bereich|grenz|capacity"
-    r"|excitation|sensitiv|heater|heiz|\bpump|\bmotor|bridge|br[üu]cke|макс|номинал|предел|диапазон|最大|额定|量程",
+    r"m[aá][xk]s?(?!\d{4})|min\b|l[ií]mit|range|rated|nominal|fuse|peak|full.?scale|100 ?%|bereich|grenz"
+    r"|capacity|excitation|sensitiv|heater|heiz|\bpump|\bmotor|bridge|br[üu]cke|макс|номинал|предел|диапазон|最大|额定|量程",
     re.IGNORECASE,
 )
 _SUPPLY = re.compile(
@@ -57,7 +57,13 @@ _SET = re.compile(
     re.IGNORECASE,
 )
 _OF_COMMAND = re.compile(r"command|volt|control|drive|coil|spule|spannung|ten[sz]", re.IGNORECASE)
-_OF_TEMPERATURE = re.compile(r"temp|темп|\bT\b|°|℃|deg|温度|온도", re.IGNORECASE)
+_OF_TEMPERATURE = re.compile(
+    r"temp|темп|\bT\b|°|℃|deg|温度|온도"
+    # A sensor with its value: "DS18B20: 21.3 C". In "Type K 1200 C" the number is the range of the sensor.
+    r"|\b(?:DS18[BS]20|PT[ -]?1000?|NTC|thermo(?:couple|element)|type [JKT]|TC ?\d*|LM35|TMP\d+|MAX\d{4,5})"
+    r"(?: \d| ?\([^()]*\))?(?:\s*[:=]\s*[+-]?\d|\s+[+-]?\d+[.,]\d)",
+    re.IGNORECASE,
+)
 CONDITIONS = ("current", "voltage", "temperature")
 DOCUMENT = "document"  # The source of a value from a document begins with this word.
 # Cyrillic units are mapped to Latin units. Any other Cyrillic letter ends a unit: "Вт" is not a volt.

@@ -140,7 +140,7 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     """
     header = _read_header(lines, first, delimiter)
     in_per_cent = any(map(are_all_per_cent, header.said))
-    names, spans = [*header.names], {}
+    names, spans = [*header.names], {**header.spans}
     for k, name in enumerate(names):
         base = names[k] = (span_in(name) or (name,))[0]
         word = re.sub(r"\s*[\[(][^\])]*[\])]$", "", base)
@@ -162,18 +162,31 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
 
 
 def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
-    """Return the header above a row.
+    """Return the header above a row: names and units directly above it, or a list of the channels."""
+    cells = split_line(lines[first], delimiter)
+    bare = [_COMMENT.sub("", line) for line in lines[:first]]
+    table = [_cells_above(line, delimiter, len(cells)) for line in bare]
+    header = _header_of_rows(lines, first, delimiter, table)
+    stated = find_properties(table, bare, cells)
+    # The rows above complete names state conditions, such as "Current;0.5;A", even if each column has a row.
+    units = [(name, word_and_unit(name)[1]) for name in header.names]
+    roles = {role for name, unit in units for role in roles_of_unit(unit) if speaks_of(name, role)}
+    is_complete = all(unit for _, unit in units) and roles >= {"displacement", "force"}
+    if stated is None or (is_complete and not (stated.scales or stated.spans)):
+        return header
+    return replace(stated, said=statements(lines[:first], delimiter))
+
+
+def _header_of_rows(
+    lines: Sequence[str], first: int, delimiter: str, table: Sequence[Sequence[str]]
+) -> Header:
+    """Return the header from the rows of names and units directly above a row.
 
     Units in a row below (or above) the names are added to the names: ``name [unit]``. A row above the names
     may state a command, such as the current of several columns. The command is added in front of the names
     of these columns: ``0.5 A: name [unit]``. A command applies up to the column of the next command.
     """
     cells = split_line(lines[first], delimiter)
-    bare = [_COMMENT.sub("", line) for line in lines[:first]]
-    table = [_cells_above(line, delimiter, len(cells)) for line in bare]
-    stated = find_properties(table, bare, cells)
-    if stated is not None:
-        return replace(stated, said=statements(lines[:first], delimiter))
     named = split_line(lines[first - 1], delimiter) if first else []
     if len(named) == len(cells) + 1 and _SPARSE.fullmatch(named[-1]):
         cells = [*cells, ""]  # The first row has no cell in the column of events.

@@ -1,6 +1,6 @@
 """Properties of channels above a table: name, unit, factor and offset of each channel.
 
-Four layouts are read: a row for each property (``Unit;mm;N;A``), a property with its values on the next line,
+Four layouts are read: a row for each property (``Unit;mm;N;A``, ``UNIT mm,N,A``) or with its values below it,
 a table with a row for each channel, and entries with the channel number (``ch2.unit = kN``, ``[Channel2]``).
 Names and units are also found without a label in a known language because units are the same everywhere.
 """
@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import zip_longest
 
-from mrdamper.data.formats.clocks import Sampling, stated_sampling
+from mrdamper.data.formats.clocks import Sampling, is_setting_of_time, stated_sampling
 from mrdamper.data.formats.lines.cells import number_in
 from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
 from mrdamper.quantities import QUANTITIES, is_any_unit, roles_of_unit
@@ -33,15 +33,29 @@ _WORDS: Mapping[str, re.Pattern[str]] = {
         r"offset|nullpunkt|versatz|intercept|przesunięcie|смещение|сдвиг|偏移|零点|オフセット"
     ),
 }
-# A different equation than code * factor + offset, such as "value = (code - offset) * factor"
+# "physical = Gain * (reading - Zero)", "value = SLOPE * code + Y_OFFSET"
+_RAW = r"raw|roh|reading|count|code|number|adc|digit|bit|sample|lectur|brut|volt|读数|原始"
+_TERM, _LEFT = r"[^\W\d][\w ]*\w", rf"(?:.*[:;,\t])?(?:(?!{_RAW})[^=:;,\t])+="
+_CODE, _FACTOR = rf"\s*(?:\w+ )?(?:{_RAW})[\w ]*?\s*", rf"\s*(?P<factor>{_TERM})\s*"
+_SHIFT = rf"(?P<sign>[-+])\s*(?P<offset>{_TERM})\s*"
+_EQUATIONS = (
+    re.compile(rf"{_LEFT}{_FACTOR}\*\s*\(?{_CODE}(?:{_SHIFT})?\W*", re.IGNORECASE),
+    re.compile(rf"{_LEFT}\s*\({_CODE}{_SHIFT}\)\s*\*{_FACTOR}\W*", re.IGNORECASE),
+    re.compile(rf"{_LEFT}{_CODE}\*{_FACTOR}(?:{_SHIFT})?\W*", re.IGNORECASE),
+)
 _OTHER_EQUATION = re.compile(
     r"\(\s*[^\W\d]\w*\s*[-+−]\s*[^\W\d]\w*\s*\)\s*[*×·/]|[*×·]\s*[^\W\d]\w*\s*[-−]\s*[^\W\d]"
+    rf"|(?i:{_RAW})\w*\s*=[^=]*[*×·]"  # "code = Gain * value + Zero"
 )
 _OF_TIME = frozenset({"x", "h", "t", "horz", "horizontal", "time"})
 _NUMBERED = re.compile(r"\W*([^\W\d]*)[ _.#]*?(\d+)[\]\s_.:)]*(.*?)\W*")
 _CHANNEL = re.compile(r"(ch|chn|chan|channel|kanal|col|column|spalte|signal|sig|voie|canal)?", re.IGNORECASE)
 # Igor scales the time axis of a wave by x, and its values by y: SetScale/P x 0,0.001,"s", force
 _AXIS = re.compile(r'\b([xy]) +[^\s,"]+,([^\s,"]+),"([^"]*)", *(\w+)')
+_CHANNELS = re.compile(
+    r"series|columns|channels|signals|spalten|kanäle|signale|canaux|canales", re.IGNORECASE
+)
+_KEYWORD = re.compile(r"\W*([^\W\d]\w*)\s+([^:=]+)")  # "VERT_UNITS mm,N,A"
 _ENTRY = re.compile(r"\W*(.*?)\s*(?:=|:|\t|;)\s*(.*?)\s*")
 
 
@@ -96,9 +110,13 @@ def find_properties(
     rows, lines : the lines above the table, divided into cells and as text
     first : cells of the first row of the table
     """
-    lines = [f"{row[0]} = {row[1]}" if len(row) == 2 else line for row, line in zip(rows, lines, strict=True)]
     leads = bool(first) and not first[0]  # The column below the labels has no samples.
     count = len(first) - leads
+    equation = _equation_in(lines)
+    shift = equation["offset"] if equation else None  # The offset of the equation may have any label.
+    divided = (_without_keyword(row, line, count) for row, line in zip(rows, lines, strict=True))
+    rows = [["offset" if cell == shift else cell for cell in row] for row in divided]
+    lines = [f"{row[0]} = {row[1]}" if len(row) == 2 else line for row, line in zip(rows, lines, strict=True)]
     stated: dict[str, list[list[str]]] = {name: [] for name in (*_WORDS, "unknown")}
     labelled = (*_by_rows(rows), *_by_channels(rows), *_by_numbers(lines), *_by_axes(lines))
     for name, values in (*labelled, *_by_units(rows, count)):
@@ -121,7 +139,12 @@ def find_properties(
     # Whole numbers in the table may be counts. Numbers without a known label may then be factors of counts.
     are_counts = sum(cell.lstrip("+-").isdecimal() for cell in first) >= min(2, len(names))
     is_unclear = are_counts and any(len(each) == len(names) for each in stated["unknown"])
-    if is_unclear if "factor" not in found else any(map(_OTHER_EQUATION.search, lines)):
+    if equation is not None:  # Each term of the equation requires one list of values.
+        counts = [len({*map(tuple, fitting[name])}) for name in ("factor", "offset")]
+        is_unclear = counts != [1, shift is not None]
+    elif "factor" in found:
+        is_unclear = any(map(_OTHER_EQUATION.search, lines))
+    if is_unclear:
         return None
     settings: dict[str, str] = {}
     for label, values in _settings(rows, lines):
@@ -133,19 +156,39 @@ def find_properties(
     units = [unit.strip("[]()") for unit in found.get("unit", [""] * len(names))]
     names = [names[0] or "time", *names[1:]] if len({*names}) == len(names) > 2 else names
     spelled = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
-    scales = {
-        name: (factor, offset)
-        for name, factor, offset in zip(
-            spelled, _numbers(found, "factor", 1.0), _numbers(found, "offset", 0.0), strict=True
-        )
-        if (factor, offset) != (1.0, 0.0)
-    }
+    both = zip(spelled, _scales(found, equation), strict=True)
+    scales = {name: scale for name, scale in both if scale != (1.0, 0.0)}
     time = [f"time [{units_of_time[0]}]" if units_of_time else "time"]
     before = ["number", *time][2 - (count - len(names)) :] if len(names) < count else []
     above = rows[-1] if rows else ()
     if before and len(above) == count and all(_NUMBERED.fullmatch(cell) for cell in above[len(before) :]):
         before = [*above[: len(before)]]  # names in the row of channel numbers
-    return Header((*[""] * leads, *before, *spelled), (), scales=scales, sampling=stated_sampling(settings))
+    scales, spans = ({}, scales) if equation else (scales, {})
+    names = (*[""] * leads, *before, *spelled)
+    return Header(names, (), scales=scales, sampling=stated_sampling(settings), spans=spans)
+
+
+def _equation_in(lines: Sequence[str]) -> re.Match[str] | None:
+    """Return the only equation of the values above a table: ``value = factor * (raw - offset)``."""
+    plain = {re.sub("[×·]", "*", line).replace("−", "-") for line in lines if "=" in line and len(line) < 200}
+    matches = (form.fullmatch(line) for line in plain if "*" in line for form in _EQUATIONS)
+    found = [match for match in matches if match and property_of(match["factor"]) == "factor"]
+    is_done = any(re.search("already|applied|bereits|déjà", line, re.IGNORECASE) for line in lines)
+    return None if is_done or len(found) != 1 else found[0]
+
+
+def _without_keyword(row: Sequence[str], line: str, count: int) -> Sequence[str]:
+    """Return [keyword, value of each channel] of a line ``UNITS mm,N,A``, or [keyword, setting of time]."""
+    found = _KEYWORD.fullmatch(line) if count > 1 else None
+    if found is None:
+        return row
+    name, text = "name" if _CHANNELS.fullmatch(found[1]) else property_of(found[1]), found[2].strip()
+    lists = (re.split(rf"\s*{sign}\s*", text) for sign in (";", "\t", ",", r"\s"))
+    values = next((each for each in lists if len(each) == count), [])
+    if values and name in _WORDS:
+        return [name, *values]
+    is_setting = len(row) == 1 and (name == "x unit" or is_setting_of_time(found[1]))
+    return [found[1], text] if is_setting else row
 
 
 def _is_number(cell: str) -> bool:
@@ -155,6 +198,14 @@ def _is_number(cell: str) -> bool:
 def _numbers(found: Mapping[str, list[str]], name: str, otherwise: float) -> list[float]:
     values = [number_in(cell, "," if "," in cell else ".") for cell in found.get(name, [])]
     return [otherwise if value is None else value for value in values] or [otherwise] * len(found["name"])
+
+
+def _scales(found: Mapping[str, list[str]], equation: re.Match[str] | None) -> Iterator[tuple[float, float]]:
+    """Generate the factor and the offset of each channel, with the sign and the brackets of the equation."""
+    is_inside = equation is not None and "(" in equation.string.rpartition("=")[2]
+    sign = -1.0 if equation is not None and equation["sign"] == "-" else 1.0
+    for factor, offset in zip(_numbers(found, "factor", 1.0), _numbers(found, "offset", 0.0), strict=True):
+        yield factor, sign * offset * (factor if is_inside else 1.0)
 
 
 def _by_rows(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, list[str]]]:
