@@ -164,8 +164,8 @@ def find_properties(
     if before and len(above) == count and all(_NUMBERED.fullmatch(cell) for cell in above[len(before) :]):
         before = [*above[: len(before)]]  # names in the row of channel numbers
     scales, spans = ({}, scales) if equation else (scales, {})
-    names = (*[""] * leads, *before, *spelled)
-    return Header(names, (), scales=scales, sampling=stated_sampling(settings), spans=spans)
+    columns = (*[""] * leads, *before, *spelled)
+    return Header(columns, (), scales=scales, sampling=stated_sampling(settings), spans=spans)
 
 
 def _equation_in(lines: Sequence[str]) -> re.Match[str] | None:
