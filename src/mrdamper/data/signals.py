@@ -93,7 +93,10 @@ def measure_spectrum(displacement: FloatArray, step: float) -> Spectrum:
 
 
 def knot_spacing(step: float, cutoff_Hz: float) -> int:
-    """Return the number of samples between two knots of the smoothing spline; 1 means no smoothing."""
+    """Return the number of samples between two knots of the smoothing spline; 1 means no smoothing.
+
+    ``step`` is the time between samples [s].
+    """
     return max(1, round(0.5 / (cutoff_Hz * step)))
 
 

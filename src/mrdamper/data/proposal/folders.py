@@ -54,10 +54,10 @@ _DAMAGES = (
 )
 
 
-def find_files(paths: Sequence[PathLike], space: Path) -> list[Path]:
+def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Path]:
     """Return the files named by paths, folders and patterns, in the given order.
 
-    Archives are unpacked into the folder ``space``. There, the subfolders have the names of
+    Archives are unpacked into the folder ``space`` if it is given. There, the subfolders have the names of
     the last two folders in the archive's path. Documents next to an archive in a searched folder are copied
     to these subfolders. A file that is given twice (relative and absolute path) is returned once.
     """
@@ -66,18 +66,21 @@ def find_files(paths: Sequence[PathLike], space: Path) -> list[Path]:
         raise InputError(found="no paths given", expected="files, folders or patterns")
     for given in paths:
         path = Path(given)
-        found = "no such file or folder, and no file matches this pattern"
+        found, expected = "no such file or folder, and no file matches this pattern", ""
         if is_folder(path):
             inside, found = list(_files_below(path)), "no runs in this folder"
+            expected = ", ".join(sorted(format_suffixes()))
         elif is_there(path):
             inside = [path]
         else:
             inside = sorted(Path(name) for name in glob.glob(str(given), recursive=True))  # noqa: PTH207
             inside = [file for file in inside if file.is_file()]
         if not inside:
-            raise InputError(place=path, found=found, expected=", ".join(sorted(format_suffixes())))
+            raise InputError(place=path, found=found, expected=expected)
         for file in inside:
             files.setdefault(file.resolve(), file)
+    if space is None:
+        return list(files.values())
     unpacked: list[Path] = []
     folders: dict[Path, None] = {}  # Folders in which an archive was found.
     for file in files.values():
