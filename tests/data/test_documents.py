@@ -255,12 +255,6 @@ def test_codes_in_names_are_explained_by_document(tmp_path):
     }
 
 
-def test_name_with_comma_and_unit_is_searched_once(tmp_path):
-    """A folder with a decimal comma in its name is compared with the names of the files."""
-    full(tmp_path / "run 1,0 A")
-    assert_read(read_runs(tmp_path))
-
-
 UNCLEAR: dict[str, Writer] = {
     "limits": about("rig.json", json.dumps({"limit": {"current": {"value": 2, "unit": "A"}}}), BARE),
     "supply": about("rig.yaml", "supply:\n  voltage: 24 V\n  current: 5 A\n", BARE),

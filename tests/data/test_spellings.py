@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import base64
+import zlib
 from dataclasses import dataclass
 from math import cos, sin
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from openpyxl import Workbook
 
-from mrdamper.data.formats.excel import read_workbook
+from mrdamper.data.formats.excel import read_workbook, sheet_lines
 from mrdamper.data.formats.lines.header import find_data, read_header
 from mrdamper.data.formats.table import (
     FileOptions,
 )
 from mrdamper.data.formats.text import read_text
 from mrdamper.data.readers import read_runs
+from mrdamper.data.tables import read_table
 from tests.support.examples import examples
 
 # ------------------------------------------------------------------------------------------- headers
@@ -109,9 +112,10 @@ SIGNS = " ,;.()[]{}+-_#&'!=@~%"
 
 
 @given(folder=st.text(SIGNS, max_size=4), file=st.text(SIGNS, max_size=4), note=st.text(SIGNS, max_size=4))
+@example(folder=",", file="", note="")
 @examples(25)
 def test_punctuation_in_names_does_not_affect_runs(folder, file, note):
-    """Names of folders and files can end with any punctuation, such as "courant 0,5 A" or "run (2)"."""
+    """Names of folders and files can contain any punctuation, as in "courant 0,5 A" or "run (2)"."""
     rows = "".join(f"{k / 100},{10.0 * sin(k / 9)},{90.0 * cos(k / 9)}\n" for k in range(120))
     with TemporaryDirectory() as space:
         inner = Path(space) / f"tests{folder}x"
@@ -159,3 +163,40 @@ def test_table_is_found_anywhere_on_sheet(tmp_path_factory, above, left, words, 
     assert (table.rows, table.title, table.layout.part) == (12, "Rig", "Rig")
     expected = {0: (), 1: ("1 line of words below the rows",), 2: ("2 lines of words below the rows",)}
     assert table.layout.notes == expected[words]
+
+
+# A workbook with the columns "time [s]" and "force [N]" (12 rows), written by xlwt; zlib and base 85.
+XLS = (
+    "c-rllOK1~87{|ZaWb;m%#J121H59Dc7DT*wX;%g9K@7DQ#agwG2&FZVSPv><we}<h!IQ5;p%+oAUVNZ}y$K2xJqUu3=&"
+    ">h3!9$z%oB!_6wC<q+En4=!?0+ZU{N|CJ+1bat*+gOTQGJn?shvDjGK1tRiwWL?>PMV7-!x@X9Rs|ZuKp_p13ZvEot{V"
+    "E`sEnP@h*}^54|(&L|=G6LZ>L5%VtumsNLv8uaJFcV;6LrBQdH&uafY7_&WFlkT2jn5t)FuF<TIaY1T+L@33d_A*~U4F"
+    "_QH@L77j8Y@-@_Eobq?Yr<l6+La&d9sV~n8oUvjA|AJnOg5A69WGEc58xF2FjGX|)s^}x<;GVxE{Nklm&W}L@#~tGXq3"
+    "$3nBe0SrWudS@le;9>^yD2oYbt9b!6~lCe?kqhZo=zxqLsT(>)=%Amaj#FS&rDnAj2a0jfeefokGh(fr+S@Avn08pjYB"
+    "#iDI3?Hgrp$fQfM1Q(7WCkmHrGrR?U8MUrQx*lH5lah~3oi%o1?--aX$Zg_wwnHC`O=aoLoF1P$@U&t4tFeXC(;dZg)z"
+    "cr1NowR<%>b8|+ZeTqR&n!&)H6dJg}n@XhS&YJBm}g$-FMTze^t=}g^*0ZtzYu&2%8tn_?O&<0I$K{fS07^KrS)~8j35"
+    "@<3M`A_~7A`BE1fz7fiP%{oYnZ>JFq1G6dgeDAMOZTJ6qx;Autr9Y{aO82su{MFt$m0GRW-^p>n5gAQa6WYRiU7Ze$CA"
+    "g%ur_Tzj`C^GCohC$X^{2fI`9LNZmTLGNU`;u(elJr;(9p5+>6(U!zT)A@P%9X1%DPcd{%Lh{VsHxkp5Pti+&I0cx_cO"
+    "_wRTt%W8{rqzJ(T5Rp3YV@e`-k=sxGm@GU|Jw)In}NPeas)ehgJSfBB_Ll>eU<7mWY8OQ_QJOO^EVFSq{-0U6~?"
+)
+
+
+def test_workbook_of_excel_97_is_read(tmp_path):
+    path = tmp_path / "run.xls"
+    path.write_bytes(zlib.decompress(base64.b85decode(XLS)))
+    table = read_table(path)
+    assert table.columns["time [s]"].tolist() == [0.5 * k for k in range(12)]
+    assert table.columns["force [N]"].tolist() == [10.0 * k + 0.5 for k in range(12)]
+
+
+def test_merged_cells_outside_of_table_do_not_affect_lines(tmp_path):
+    """A form may have merged, empty cells to the left of the table and below it."""
+    book = Workbook()
+    for k, row in enumerate((("run", "current"), ("run1", 0.5), ("run2", 0.5)), 3):
+        for column, cell in enumerate(row, 3):
+            book.active.cell(k, column, cell)
+    book.active.merge_cells("A1:A8")
+    book.active.merge_cells("D4:D5")
+    book.active.merge_cells("F9:F12")
+    book.save(tmp_path / "list.xlsx")
+    lines = [line for line in sheet_lines(tmp_path / "list.xlsx") if line.strip()]
+    assert lines == ["run\tcurrent", "run1\t0.5", "run2\t0.5"]

@@ -10,8 +10,10 @@ import pytest
 import mrdamper
 from mrdamper.data.readers import ReadFiles
 from mrdamper.data.records import Dataset
+from mrdamper.identify.consistency.errors import find_contradictions
 from mrdamper.identify.consistency.joint import joint_test
 from mrdamper.identify.consistency.runs import find_deviations, find_suspects, rms_residual
+from mrdamper.identify.scores import score_each, summarize_errors
 from mrdamper.jobs.check import check, findings_of
 from mrdamper.jobs.options import CheckOptions
 from mrdamper.virtual_rig.campaign import Campaign
@@ -143,6 +145,19 @@ def test_exchanged_commands_are_reported_for_both_runs(noisy):
     assert runs[7].name in findings[runs[6].name].found
 
 
+@pytest.mark.parametrize(("percent", "kinds"), [(2.0, ["errors_contradict"]), (9.0, []), (np.nan, [])])
+def test_training_error_above_cross_validation_is_reported(noisy, percent, kinds):
+    """A wrong model has a large training error, which contradicts a cross-validation error of 2 %."""
+    wrong = TRUTH.with_parameters({"viscosity.c0": 1.2 * TRUTH.parameters["viscosity.c0"]})
+
+    def kinds_of(split):
+        errors = summarize_errors(score_each(wrong, noisy, split), (percent,) * 3)
+        return [finding.kind for finding in find_contradictions(errors)]
+
+    assert kinds_of("training") == kinds
+    assert kinds_of("held_out") == []
+
+
 def test_duplicate_of_held_out_run_is_reported(noisy):
     copy = replace(noisy[3], run=replace(noisy[3].run, name="copy"))
 
@@ -151,7 +166,7 @@ def test_duplicate_of_held_out_run_is_reported(noisy):
         assert finding.run == "copy"
         return finding.effect
 
-    assert "counts twice in a fit" in effect([*noisy, copy], [])
+    assert "A fit uses one of the two" in effect([*noisy, copy], [])
     assert "the fit uses its copy" in effect(noisy, [copy])
     assert effect([*noisy[:3], *noisy[4:]], [noisy[3], copy]) == "The run counts twice in the held-out error"
 

@@ -12,6 +12,7 @@ from rich.console import Console
 
 from mrdamper.data.records import Dataset
 from mrdamper.identify import fit as fitting
+from mrdamper.identify.consistency.errors import find_contradictions
 from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.settings import DEFAULT_SETTINGS
 from mrdamper.jobs.fit import FitResult, fit
@@ -97,3 +98,12 @@ def test_selection_reports_errors_on_subset_and_all_runs(selected):
     assert selection["sample_count"] > 0
     assert selection["subset_error_percent"] <= 1.2 * selection["all_runs_error_percent"]
     assert selection["is_subset"] in (True, False)
+
+
+def test_contradicting_errors_of_fit_are_reported(selected):
+    """A finding is reported if the cross-validation error is far below the training error."""
+    first, *others = selected.selection.scores
+    small = replace(first, cv_percent_by_run=tuple(0.1 * e for e in first.cv_percent_by_run))
+    changed = replace(selected, selection=replace(selected.selection, scores=(small, *others)))
+    assert [finding.kind for finding in find_contradictions(changed.errors)] == ["errors_contradict"]
+    assert find_contradictions(selected.errors) == ()

@@ -36,7 +36,7 @@ from mrdamper.errors import InputError
 from mrdamper.files import MAP_SUFFIX, PathLike, is_file, is_folder
 from mrdamper.runtime.pool import ONE_CORE, Pool
 
-_PARALLEL_FILES_MIN = 12  # For fewer files, starting processes takes longer than reading.
+_PARALLEL_FILES_MIN = 12  # Starting processes takes longer than reading fewer files in one process.
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,7 @@ from mrdamper.errors import InputError
 from mrdamper.identify import fit as fitting
 from mrdamper.identify.assess import Assessment
 from mrdamper.identify.confidence.posterior import sample_posterior
+from mrdamper.identify.consistency.errors import find_contradictions
 from mrdamper.identify.fit import Identification, Law
 from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.scores import ErrorSummary, summarize_errors
@@ -158,7 +159,8 @@ def fit(
         inferred=runs.inferred,
         sources=tuple(dict.fromkeys(Path(run.source).name for run in runs if run.source)),
     )
-    return replace(found, cpu_s=cpu_seconds() - clock)
+    findings = (*find_contradictions(found.errors), *found.findings)
+    return replace(found, findings=findings, cpu_s=cpu_seconds() - clock)
 
 
 def _terms(options: FitOptions) -> tuple[str, ...] | None:

@@ -77,8 +77,10 @@ def _merged_rows(sheet: Any) -> list[Row]:  # noqa: ANN401 - python-calamine has
     """Return the rows of a sheet. The value of merged cells is repeated in each row of the first column."""
     rows = [list(row) for row in sheet.iter_rows()]
     left = (sheet.start or (0, 0))[1]  # The rows begin at the first column with a value.
+    width = len(rows[0]) if rows else 0
     for (first, column), (last, _) in sheet.merged_cell_ranges or ():
-        for row in rows[first + 1 : last + 1]:
+        # Merged cells may be outside of the filled area.
+        for row in rows[first + 1 : last + 1] if 0 <= column - left < width else ():
             row[column - left] = rows[first][column - left]
     return rows
 
@@ -118,8 +120,9 @@ def _spelled(cell: object, decimal: str = ".") -> str:
 
 def _require_harmless(path: Path) -> None:
     """Raise InputError if an archive is not a workbook, or if its unpacked size is too large."""
-    if not zipfile.is_zipfile(path):
-        return  # A sheet of a .xls file has at most 65,536 rows and 256 columns.
+    with path.open("rb") as stream:
+        if stream.read(len(ZIP_SIGNATURE)) != ZIP_SIGNATURE:
+            return  # A sheet of a .xls file has at most 65,536 rows and 256 columns.
     with zipfile.ZipFile(path) as archive:
         members = archive.infolist()
         names = {member.filename for member in members}

@@ -212,7 +212,7 @@ def _owners(
     """
     names, stem = _Files(siblings, path.parent).names, path.stem.lower()
     while stem and (stem not in names or not (stem == path.stem.lower() or re.search(r"\d", stem))):
-        stem = re.sub(r"[\W_]*[^\W_]*$", "", stem)  # without the last word
+        stem = re.sub(r"[\W_]*[^\W_]*$", "", stem)  # The last word is removed.
     others = {file.name.lower() for file in siblings if file not in names.get(stem, ())}
     if stem and not any(other in line.lower() for other in others for line in lines):
         return names[stem]

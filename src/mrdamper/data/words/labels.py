@@ -26,10 +26,10 @@ _UNITS = {
 _SYMBOLS = {"current": "iI", "voltage": "uUvV", "temperature": "tT"}
 # A number begins a word or follows its sign or symbol: "rev2A" is not a current and "0-1.5A" is a range. The
 # minus in "I-2A" is a dash, but the minus in "T-5C" may be the sign of the temperature.
-# A word for the role, or any word in a script without blanks, may precede the number directly.
-_GLUED = re.compile(
-    r"((?i:current|strom|courant|corr?iente|corrente|temp(?:eratur[ae]?)?)|[\u3040-\u9fff\uac00-\ud7af])(?=\d)"
-)
+# The name of the quantity, or any word in a script without blanks, may precede the number directly. In
+# "Strom1 A", the 1 is the number of the channel. Therefore the number needs decimals or a unit without blank.
+_NAMES = "|".join(word for role in _UNITS for word in QUANTITIES[role].headers)
+_GLUED = re.compile(rf"((?i:{_NAMES})|[\u3040-\u9fff\uac00-\ud7af])(?=\d+(?:[.,]\d|[^\W\d_]|[°℃]))")
 _BEGIN = r"(?:(?<![\w.,+%-])|(?<=_)|(?<=(?<![^\W_])[{symbol}])|(?<=(?:(?<=[\s_=:(])|(?<![\s\S]))[+-]){dash})"
 _DASHES = dict.fromkeys(("current", "voltage"), r"|(?<=(?<![\d.])[^\W\d]-)") | {"temperature": ""}
 _RANGE = r"(?:(?<=\bset to )|(?<!\bto ))(?<!\bbis )(?<![-–…~] )(?<!\d[eEdD] [+-])"

@@ -69,7 +69,8 @@ class ActuationFit:
 
     def to_dict(self) -> dict[str, float | None]:
         """Return response times, force errors and driver quadrants as JSON values; None instead of NaN."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)[2:]}
+        omitted = {"actuation", "standard_errors"}
+        values = {each.name: getattr(self, each.name) for each in fields(self) if each.name not in omitted}
         return {
             name: None if value is None or not math.isfinite(value) else value
             for name, value in values.items()

@@ -51,6 +51,7 @@ class ConsistencySettings:
     # min residual that a second cause explains, divided by the residual that the best cause explains
     second_cause_ratio_min: float = 0.5
 
+    training_cv_ratio_max: float = 1.5  # max training error, divided by the cross-validation error
     # Settings for estimating the effect of a possible rig error (cause), such as a delay, on the force
     command_step: float = 0.02  # step of the difference quotient with respect to the command [A or V]
     filter_time_constant_s: float = 0.02  # The assumed filter has a bandwidth of 8 Hz.
