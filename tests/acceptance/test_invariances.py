@@ -59,11 +59,12 @@ def virtual_case(preset: str, temperatures_degC: tuple[float, ...]) -> Case:
     return Case(short_campaign(preset, temperatures_degC), ("*sine15mm1Hz*",))
 
 
-# These tests fail on two data sets. The changed data lead to another hysteresis model or other terms. The
-# error of the six held-out runs then changes by 25 %.
+# In these tests, the changed data lead to other terms of the hysteresis model, and the errors of the held-out
+# runs or the well-determined parameters then change by more than the limits.
 KNOWN_FAILURES = {
-    *(("test_every_second_sample_gives_similar_model", name) for name in ("nominal", "hard")),
-    *(("test_run_generated_by_model_hardly_changes_model", name) for name in ("nominal", "hard")),
+    ("test_every_second_sample_gives_similar_model", "selected"),
+    ("test_run_generated_by_model_hardly_changes_model", "selected"),
+    ("test_run_generated_by_model_hardly_changes_model", "hard"),
 }
 
 
@@ -242,8 +243,9 @@ def test_mirrored_data_give_mirrored_model() -> None:
 
 
 def test_every_second_sample_gives_similar_model(case: Case, fitted: FitResult) -> None:
-    """Half the sampling rate is sufficient because the motions are slow."""
-    coarse = map_runs(case.runs, every_second_sample)
+    """Half the sampling rate is sufficient for training runs because the motions are slow."""
+    training = {run.name for run in case.runs.split(case.hold_out)[0]}
+    coarse = map_runs(case.runs, lambda run: every_second_sample(run) if run.name in training else run)
     assert_close(fitted, case.fit(coarse), error_percent=1.0, parameter_percent=5.0)
 
 

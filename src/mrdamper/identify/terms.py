@@ -101,6 +101,8 @@ class Term:
     starts: tuple[Mapping[str, float], ...] = field(default=())
     # Coefficients that become linear in temperature with this term, if the runs have several temperatures.
     linear_in_temperature: tuple[str, ...] = ()
+    # Terms with the same effect have similar forces. A round of the forward selection fits only one of them.
+    effect: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,13 +270,14 @@ _CHAIN_TERMS = (
     ),
     Term("position", (_Free("position_gain", "constant", -1.0, 1.0, start=0.0),)),
     Term("curvature", (_Free("position_curvature", "constant", -1.0, 1.0, start=0.0),), needs=("position",)),
-    Term("stiffness", (_Free("stiffness", "constant", -3.0, 3.0, start=0.0),)),
+    Term("stiffness", (_Free("stiffness", "constant", -3.0, 3.0, start=0.0),), effect="spring"),
     Term("asymmetry", (_Free("asymmetry", "constant", -0.5, 0.5, start=0.0),)),
     Term("flow-asymmetry", (_Free("flow_asymmetry", "constant", -0.9, 0.9, start=0.0),)),
     Term(
         "gas",
         (_Free("stiffness", "constant", -3.0, 3.0, start=0.0),),
         linear_in_temperature=("offset", "stiffness"),
+        effect="spring",
     ),
     Term(
         "gas-volume",
@@ -283,6 +286,7 @@ _CHAIN_TERMS = (
             _Free("gas_length", "constant", 1.5, 300.0, "log", 5.0),
         ),
         linear_in_temperature=("gas_force",),
+        effect="spring",
     ),
     Term(
         "cavity",

@@ -38,7 +38,7 @@ class SelectionSettings:
     # by the smallest training error of all archetypes of this law, is below this limit.
     archetype_error_ratio_max: float = 1.2
     # Max cross-validation error / smallest error. Above it, a law that is not modular gets no further terms.
-    law_cv_ratio_max: float = 1.2
+    law_cv_ratio_max: float = 1.02
     round_count_max: int = 8  # max number of rounds of adding terms to a law
     term_count_max: int = 3  # max number of terms that are fitted in each round
     # Candidates with a smaller training gain are not cross-validated, because they are hardly ever chosen.
