@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import zipfile
 from collections.abc import Callable, Iterable
@@ -386,3 +387,99 @@ def test_contradictory_direction_is_not_applied(tmp_path):
             f"Load compression positive, stroke extension positive\n{FULL}" + table(*columns(run)),
         )
     assert_read(read_runs(tmp_path))
+
+
+def long_table(folder: Path) -> None:
+    """Write one row per sample and channel of all runs, and the list of the runs."""
+    text = "".join(
+        f"r{k},{t:.4f},{name},{value:.6f},{unit}\n"
+        for k, run in enumerate(RUNS)
+        for row in zip(*columns(run)[:3], strict=True)
+        for t, name, value, unit in ((row[0], "displacement", row[1], "mm"), (row[0], "force", row[2], "N"))
+    )
+    write(folder, "all.csv", "run,time_s,channel,value,unit\n" + text)
+    write(folder, "runs.csv", "run,current_A,oil_degC\n" + each("r%(k)s,%(i)s,30\n", range(3)))
+
+
+def wide_table(folder: Path) -> None:
+    """Write one table with a column for the number of the run, and the list of the runs."""
+    numbers = [np.full(len(run.time), k) for k, run in enumerate(RUNS, 1)]
+    text = "".join(table(number, *columns(run)[:3]) for number, run in zip(numbers, RUNS, strict=True))
+    write(folder, "all.csv", "run no,time_s,displacement_mm,force_N\n" + text)
+    write(folder, "list.csv", "run,current_A,oil_degC\n" + each("%(k)s,%(i)s,30\n"))
+
+
+def coded(text: str, names: Iterable[str] = ("MR3-A1", "MR3-B1", "MR3-C2")) -> Writer:
+    """Return a function that writes files with codes in their names, and their explanation."""
+
+    def writer(folder: Path) -> None:
+        for name, run in zip(names, RUNS, strict=True):
+            write(folder, f"{name}.csv", BARE + table(*columns(run)[:3]))
+        write(folder, "README.txt", f"{text}\nOil temperature 30 °C for all files.\n")
+
+    return writer
+
+
+def packed(suffix: str) -> Writer:
+    """Return a function that writes archives in a subfolder, and a document in the folder above."""
+
+    def writer(folder: Path) -> None:
+        (folder / "data").mkdir()
+        for name, run in zip(NAMES, RUNS, strict=True):
+            text = (BARE + table(*columns(run)[:3])).encode()
+            (folder / f"data/{name}.csv.gz").write_bytes(gzip.compress(text))
+        rows = [
+            {"file": f"data/{name}.csv{suffix}", "coil_current_A": i, "oil_degC": 30}
+            for name, i in zip(NAMES, CURRENTS, strict=True)
+        ]
+        write(folder, "metadata.json", json.dumps({"sampling_rate_Hz": 200, "experiments": rows}))
+
+    return writer
+
+
+MENDED: dict[str, Writer] = {
+    "list_of_runs_in_a_long_table": long_table,
+    "list_of_runs_by_number": wide_table,
+    "letters_in_names": coded("Current: A = 0 A, B = 0.75 A, C = 1.5 A\n1 = sine, 2 = sine"),
+    "letters_in_separate_lines": coded(
+        "Code of the current:\n - L: 0 A\n - M: 0,75 A\n - H: 1,5 A", ("D_L7", "D_M7", "D_H7")
+    ),
+    "archives_in_a_subfolder": packed(".gz"),
+    "unpacked_names_of_archives": packed(""),
+    "rows_without_header": about("protocol.txt", each("%(n)s   oil 30 °C   coil %(i)s A\n"), BARE),
+}
+
+
+@pytest.mark.parametrize("document", MENDED)
+def test_document_describes_runs_of_any_storage(tmp_path, document):
+    MENDED[document](tmp_path)
+    assert_read(read_runs(tmp_path), warm=WARM_K)
+
+
+UNEXPLAINED = {
+    "steps_of_a_test": coded("Step 1 = 0 A, step 2 = 1 A", ("run_1", "run_2", "run_3")),
+    "missing_code": coded("A = 0 A, B = 0.75 A"),
+    "two_places": coded("A = 0 A, B = 0.75 A", ("A_B_1", "B_A_2", "A_A_3")),
+}
+
+
+@pytest.mark.parametrize("names", UNEXPLAINED)
+def test_unclear_codes_in_names_lead_to_question(tmp_path, names):
+    UNEXPLAINED[names](tmp_path)
+    with pytest.raises(AskingError):
+        read_runs(tmp_path)
+
+
+BYSTANDERS = {
+    "calibration.csv": "mass_kg,adc_counts\n" + "".join(f"{k},{900 * k + 7}\n" for k in range(6)),
+    "results.csv": "run,peak_N,energy_J\n" + "".join(f"{k},{400 * k},{3 * k}\n" for k in range(1, 12)),
+}
+
+
+@pytest.mark.parametrize("name", BYSTANDERS)
+def test_table_without_channels_is_listed_not_read(tmp_path, name):
+    full(tmp_path)
+    write(tmp_path, name, BYSTANDERS[name])
+    runs = read_runs(tmp_path)
+    assert_read(runs)
+    assert [finding.run for finding in runs.findings if finding.kind == "no_run"] == [name]

@@ -16,7 +16,7 @@ from mrdamper.data.channels import ChannelMap, read_channel_map
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.data.formats.table import NoTableError
 from mrdamper.data.frames import Frame
-from mrdamper.data.proposal.documents import read_documents, with_lists
+from mrdamper.data.proposal.documents import read_documents
 from mrdamper.data.proposal.folders import GENERIC_SUFFIXES, distinct_names, find_files
 from mrdamper.data.proposal.joins import join_channel_files, join_temperature_logs
 from mrdamper.data.proposal.questions import (
@@ -106,8 +106,7 @@ def read_file(
     if is_folder(file):
         raise InputError(place=file, found="is a folder", expected="a file (read_runs takes folders)")
     chosen = with_answers(load_map(map_beside(file) if channels is None else channels), answers, file)
-    tables = with_lists(read_tables(file, chosen.file), () if stated else notes)
-    return runs_in(tables, chosen, file, stated=stated, notes=notes)
+    return runs_in(read_tables(file, chosen.file), chosen, file, stated=stated, notes=notes)
 
 
 def read_each(
@@ -189,7 +188,9 @@ def _read_all(
     named_files = _with_distinct_names(warmed, space)
     runs = tuple(recording for _, file in named_files for recording in file.recordings)
     stating_findings = (document.finding for document in documents if document.lines)
-    findings = (*stating_findings, *logs.values(), *map(_no_run_finding, ignored))
+    copied = {document.path.name for document in documents if document.lines}
+    no_runs = (_no_run_finding(file) for file in ignored if file.path.name not in copied)
+    findings = (*stating_findings, *logs.values(), *no_runs)
     return ReadFiles(tuple(named_files), tuple(faulty), runs, findings)
 
 
@@ -222,8 +223,8 @@ def _no_run_finding(file: UnreadableFile) -> Finding:
         kind="no_run",
         severity="note",
         run=file.path.name,
-        found=f"{file.path.name} has no samples of a damper and is ignored",
-        effect="Its content, for example a temperature, is not used",
+        found=f"{file.path.name} has no samples of a damper and is not read as a run",
+        effect="Only its statements about runs are used",
         remedy="Read this file alone to see why it is not a run",
     )
 

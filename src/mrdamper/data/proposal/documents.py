@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from mrdamper.data.finding import Finding
@@ -46,6 +46,9 @@ _ALL_RUNS = re.compile(
     r"|^\W*(?:general|common|global|allgemein)\W*$",
     re.IGNORECASE,
 )
+_PACKED = re.compile(r"\.(?:gz|bz2|xz)$")
+_CODE = r"(?:^|(?<=[,;:(|]))[\s*`'\"-]*({})[`'\"]*\s*(?:=|:|->|→)"
+_ANY_CODE = re.compile(_CODE.format(r"[^\W\d_]\w{0,3}|\d{1,2}(?=\s*=)"))
 _ENTRY = re.compile(r"\s*[-*]?\s*([^\s:=][^:=]*?)\s*[:=]\s*([^\s:=][^:=]*?)\s*")
 
 
@@ -100,11 +103,6 @@ class _Files:
         # Equal names in different folders are ambiguous.
         self.names = {name: tuple(*found.values()) for name, found in owners.items() if len(found) == 1}
         self.suffixes = {path.suffix.lower() for path in files} - {""}
-        # Files by a code in their names, such as T1 in "MRD_T1_I0.csv", if other files have other codes.
-        words = {path: {*re.split(r"[\W_]+", path.stem.lower())} for path in files}
-        codes = {each for own in words.values() for each in own if re.fullmatch(r"[a-z]{1,3}\d+", each)}
-        named = {code: tuple(path for path in files if code in words[path]) for code in codes}
-        self.codes = {code: found for code, found in named.items() if len(found) < len(files)}
         # Files by the last number in the name of the run or folder, if these numbers are different.
         self.numbers: dict[int, tuple[Path, ...]] = {}
         for keys in (
@@ -122,7 +120,8 @@ class _Files:
                 self.numbers = numbers
 
     def in_cell(self, cell: str) -> tuple[Path, ...]:
-        return self.names.get(re.split(r"[\\/]", cell)[-1].strip(" `*\"'").lower(), ())
+        name = re.split(r"[\\/]", cell)[-1].strip(" `*\"'").lower()
+        return self.names.get(name) or self.names.get(_PACKED.sub("", name), ())
 
     def by_number(self, cell: str) -> tuple[Path, ...]:
         return self.numbers.get(int(float(cell)), ()) if _WHOLE.fullmatch(cell) else ()
@@ -140,7 +139,7 @@ class _Files:
 
     def in_line(self, line: str) -> tuple[Path, ...]:
         """Return the files named in a sentence: by name, by a stem with letters and digits, or by number."""
-        words = re.findall(r"[\w.+-]*\w", line.lower())
+        words = [_PACKED.sub("", word) for word in re.findall(r"[\w.+-]*\w", line.lower())]
         names = [word for word in words if word in self.names and re.search(r"\.|[^\W\d_].*\d", word)]
         if not names and self.numbers and not self.are_others(words):
             order, item = sorted(self.numbers), _ITEM.search(line)
@@ -219,18 +218,19 @@ def _owners(
     return (*runs,) if len(runs) == 1 and path.suffix.lower() not in SCRIPTS else ()
 
 
-def with_lists(tables: Sequence[Table], notes: Sequence[str]) -> list[Table]:
-    """Return the tables, each with the lines on its title from a list of runs.
+def lines_by_title(tables: Sequence[Table], notes: Sequence[str]) -> dict[str, list[str]]:
+    """Return the lines on each title of a run in a file from a list of runs.
 
     The list of runs is on a different sheet or in a document.
     """
-    titles = [Path(f"{title}.sheet") for title in dict.fromkeys(table.title for table in tables) if title]
-    said: dict[str, list[str]] = {}
+    cells = [cell for table in tables for texts in table.texts.values() for cell in {*texts}]
+    titles = [Path(f"{title}.sheet") for title in {*(table.title for table in tables), *cells} if title]
+    found: dict[str, list[str]] = {}
     for sheet, lines in {**tables[0].lists, "": notes}.items() if titles else ():
         about = _lines_by_file(Path(f"{sheet}.sheet"), lines, titles, is_run=False)
         for title, each in _stating(about).items():
-            said.setdefault(title.stem, []).extend(each)
-    return [replace(table, said=(*table.said, *said.get(table.title, ()))) for table in tables]
+            found.setdefault(title.stem, []).extend(each)
+    return found
 
 
 def _stating(about: Mapping[Path, Sequence[str]]) -> dict[Path, tuple[str, ...]]:
@@ -286,7 +286,8 @@ def _lines_by_file(
     names_a_file = bool(known.numbers) or any(name in text for name in known.names)
     if is_run and not names_a_file:
         return {}  # The file is a run that names no other file.
-    found: dict[Path, list[str]] = {}
+    codes = _codes(lines, files)
+    found = _lines_by_code(lines, codes)
     now: tuple[Path, ...] = ()  # The files to which the next entries apply.
     header: list[str] = []
     mentions = 0
@@ -302,7 +303,7 @@ def _lines_by_file(
             mentions += 1
             continue
         named = next((named for cell in cells if (named := known.in_cell(cell))), ())
-        named = named or known.codes.get(cells[0].strip(" `*\"'-").lower(), ())
+        named = named or codes.get(cells[0].strip(" `*\"'-").lower(), ())
         if not named and len(cells) == len(header):
             counts = [cell for name, cell in zip(header, cells, strict=True) if _NUMBER_WORDS.search(name)]
             if not known.are_others([cell.lower() for cell in cells]):
@@ -313,7 +314,8 @@ def _lines_by_file(
                 found.setdefault(file, []).extend(with_unit(f"{name}: {value}") for name, value in stated)
             mentions += 1
             continue
-        if len(cells) > 1 and re.search(r"[^\W\d_]", line) and not any(is_number(cell) for cell in cells):
+        is_header = len(cells) > 1 and not named and not any(is_number(cell) for cell in cells)
+        if is_header and re.search(r"[^\W\d_]", line):
             units = [cell.strip("[]()") for cell in cells]
             is_units = len(cells) == len(header) and all(not unit or is_any_unit(unit) for unit in units)
             header = (
@@ -329,6 +331,38 @@ def _lines_by_file(
         for file in now:
             found.setdefault(file, []).append(with_unit(_strip_name(line, file)))
     return found if 2 * mentions > sum(bool(line.strip()) for line in lines[1:]) or not is_run else {}
+
+
+def _codes(lines: Sequence[str], files: Sequence[Path]) -> dict[str, tuple[Path, ...]]:
+    """Return the files by a code in their names that a document explains, such as B in "MR3-B1.csv".
+
+    A code is a word, a number or a letter. The codes at one index of the names differ, and the document
+    explains all of them.
+    """
+    explained = {cell.lower() for line in lines for cell in _ANY_CODE.findall(line)}
+    explained |= {cell for line in lines if not (cell := _cells(line)[0].strip(" `*\"'-").lower()).isdigit()}
+    found: dict[str, set[tuple[Path, ...]]] = {}
+    for part in (r"[^\W_]+", r"\d+|[^\W\d_]+", r"[^\W_]"):
+        parts = {file: re.findall(part, file.stem.lower()) for file in files}
+        for kind in {(file.suffix, len(each)) for file, each in parts.items()}:
+            names = {file: each for file, each in parts.items() if (file.suffix, len(each)) == kind}
+            for column in zip(*names.values(), strict=True):
+                for code in {*column} if len({*column}) > 1 and {*column} <= explained else ():
+                    owners = tuple(file for file, own in zip(names, column, strict=True) if own == code)
+                    found.setdefault(code, set()).add(owners)
+    return {code: owners.pop() for code, owners in found.items() if len(owners) == 1}
+
+
+def _lines_by_code(lines: Sequence[str], codes: Mapping[str, Sequence[Path]]) -> dict[Path, list[str]]:
+    """Return the entries about each file in lines such as ``Current: A = 0 A, B = 0.5 A``."""
+    found: dict[Path, list[str]] = {}
+    entry = re.compile(_CODE.format("|".join(map(re.escape, codes))), re.IGNORECASE)
+    for line in lines if codes else ():
+        before, *entries = entry.split(line)
+        for code, value in zip(entries[::2], entries[1::2], strict=True):
+            for file in codes[code.lower()]:
+                found.setdefault(file, []).append(f"{before.strip()} {value.strip(' ,;)')}")
+    return found
 
 
 def _matrix_lines(path: Path, lines: Sequence[str], files: Sequence[Path]) -> dict[Path, list[str]]:

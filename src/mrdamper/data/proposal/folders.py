@@ -58,8 +58,8 @@ def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Pat
     """Return the files named by paths, folders and patterns, in the given order.
 
     Archives are unpacked into the folder ``space`` if it is given. There, the subfolders have the names of
-    the last two folders in the archive's path. Documents next to an archive in a searched folder are copied
-    to these subfolders. A file that is given twice (relative and absolute path) is returned once.
+    the folders in the archive's path. Documents in a searched folder that contains an archive, directly or in
+    a subfolder, are copied to these subfolders. A file that is given twice is returned once.
     """
     files: dict[Path, Path] = {}
     if not paths:
@@ -82,25 +82,29 @@ def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Pat
     if space is None:
         return list(files.values())
     unpacked: list[Path] = []
-    folders: dict[Path, None] = {}  # Folders in which an archive was found.
+    folders: dict[Path, Path] = {}  # Folders around an archive, and their copies.
     for file in files.values():
-        members = _unpack(file, space)
-        unpacked += members
-        if members != [file] and file not in map(Path, paths):
-            folders[file.parent] = None
-    for document in (each for folder in folders for each in folder.iterdir()):
-        copy = space.joinpath(*document.absolute().parts[-3:])
+        if not _is_archive(file):
+            unpacked.append(file)
+            continue
+        root = next((path for path in map(Path, paths) if path in file.parents), file.parent)
+        copy_of_root = space.joinpath(*root.absolute().parts[1:][-2:])
+        unpacked += _unpack(file, copy_of_root / file.parent.relative_to(root))
+        if file not in map(Path, paths):
+            inner = [file.parent, *file.parent.parents]
+            around = inner[: inner.index(root) + 1]
+            folders |= {folder: copy_of_root / folder.relative_to(root) for folder in around}
+    for document, copy in (
+        (each, copy / each.name) for folder, copy in folders.items() for each in folder.iterdir()
+    ):
         if is_small_file(document) and not _is_archive(document) and not copy.exists():
             with suppress(OSError):  # An unreadable document is not copied.
                 shutil.copy(document, copy)
     return unpacked
 
 
-def _unpack(file: Path, space: Path) -> list[Path]:
-    """Return the unpacked files of an archive, or the file itself if it is not an archive."""
-    if not _is_archive(file):
-        return [file]
-    folder = space.joinpath(*file.absolute().parts[-3:-1])
+def _unpack(file: Path, folder: Path) -> list[Path]:
+    """Return the files of an archive, which are unpacked into a folder."""
     room = SETTINGS.archive_unpacked_max_bytes
     try:
         for name, member in _members(file):

@@ -6,7 +6,7 @@ Changes of the data are returned as findings. Values that were read from words a
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,7 @@ from mrdamper.data.proposal.commands import (
     with_segments,
     with_temperature,
 )
+from mrdamper.data.proposal.documents import lines_by_title
 from mrdamper.data.proposal.folders import GENERIC_SUFFIXES, format_suffixes, own_name
 from mrdamper.data.proposal.pieces import (
     Piece,
@@ -46,7 +47,12 @@ from mrdamper.data.proposal.pieces import (
 )
 from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all, relocate
 from mrdamper.data.proposal.roles import find_columns, skipped_columns
-from mrdamper.data.proposal.side_by_side import one_force_each, side_by_side, wide_of_long
+from mrdamper.data.proposal.side_by_side import (
+    one_force_each,
+    side_by_side,
+    wide_of_long,
+    with_run_numbers,
+)
 from mrdamper.data.records import CHANNELS, LEAST_SAMPLES, Recording
 from mrdamper.data.words.headers import candidates, has_word, unit_in_brackets
 from mrdamper.data.words.labels import Place, places_of
@@ -107,13 +113,14 @@ def runs_in(
         for table in tables
         for wide in wide_of_long(table)
         for block in side_by_side(wide, chosen)
-        for run in one_force_each(block, chosen)
+        for run in one_force_each(with_run_numbers(block), chosen)
     ]
+    lists = lines_by_title(tables, () if stated else notes) if tables else {}
     segments = with_segments(tables, chosen, file.name)
     tables = [table for table, _ in segments]
     for table, own in segments:
         try:
-            parts.append(_part_of(table, own, file, stated))
+            parts.append(_part_of(table, own, file, stated, lists))
         except InputError as fault:
             if len(tables) > 1 and table.title:
                 part = "sheet" if table.layout.format == "Excel file" else "part"
@@ -148,7 +155,8 @@ def _may_be_run(table: Table, *, is_foreign: bool) -> bool:
     """
     is_sweep = any(_is_other_quantity(name) and increases(table, name) for name in table.names)
     if not any(candidates(role, table.names) for role in QUANTITIES):  # Unnamed columns may have any role.
-        return not (is_foreign or is_sweep or all(map(_is_other_quantity, table.names)))
+        is_long = table.rows >= LEAST_SAMPLES
+        return is_long and not (is_foreign or is_sweep or all(map(_is_other_quantity, table.names)))
     samples = headers_of(table)
     names = [each.name for each in samples]
     motions = [name for role in ("displacement", "velocity") for name in candidates(role, names)]
@@ -179,7 +187,13 @@ def _is_other_kind(table: Table, tables: Sequence[Table]) -> bool:
     )
 
 
-def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Place]) -> _Part:
+def _part_of(
+    table: Table,
+    chosen: ChannelMap,
+    file: Path,
+    stated: Sequence[Place],
+    lists: Mapping[str, Sequence[str]],
+) -> _Part:
     place = file.name
     columns = find_columns(table, chosen, place)
     channels, time, interpolated, findings = _channels(table, columns, chosen, place)
@@ -192,18 +206,19 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Plac
     edges, titles = run_edges(time, table.texts)
     pieces = []
     for number, (first, last) in enumerate(itertools.pairwise(edges)):
-        title = next((titles[k] for k in sorted(titles, reverse=True) if k <= first), "")
+        title = next((titles[k] for k in sorted(titles, reverse=True) if k <= first), table.title)
+        said = (*table.said, *lists.get(title, ()))
         values = measured[first:last] if measured is not None else None
         piece = Piece(
             time=time[first:last],
             channels={name: each[first:last] for name, each in channels.items()},
-            title=title or table.title,
+            title=title,
             findings=() if number else findings,
             start=start_of(table, float(time[0]), file, [each.text for each in stated])
             if len(time)
             else None,
         )
-        place_texts = (*places_of(title or table.title, table.said, file), *stated)
+        place_texts = (*places_of(title, said, file), *stated)
         role, values, told = command_of(role, values, len(piece.time), table, chosen, place_texts, place)
         piece, told = with_temperature(piece, told, chosen, place_texts)
         channels_now = {**piece.channels, "command": values}

@@ -19,6 +19,10 @@ from mrdamper.data.words.headers import means, word_and_unit
 from mrdamper.data.words.labels import labels_in
 from mrdamper.quantities import QUANTITIES, is_any_unit, roles_of_unit, to_si
 
+_RUN_NUMBER = re.compile(
+    r"\W*(?:run|test|specimen|trial|experiment|versuch|messung|essai|prueba)\W*(?:no|nr|num|number|id|index)?\W*",
+    re.IGNORECASE,
+)
 _VALUE = re.compile(r"values?|val|wert|valeur|valor|reading|measurement", re.IGNORECASE)
 _UNNAMED = re.compile(r"(column \d+)?")  # name that a reader gives to a column without a name
 _COUNTED = re.compile(r" \(\d+\)$")  # number that a reader appends to a repeated name
@@ -157,6 +161,18 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
         )
         runs.append(with_times(plain, {name: seconds[there] for name, there in rows.items()}))
     return tuple(runs)
+
+
+def with_run_numbers(table: Table) -> Table:
+    """Return the table with the numbers of runs, such as a column ``Run No.``, as texts."""
+    numbered = {
+        name: [f"{value:.0f}" for value in values]
+        for name, values in table.columns.items()
+        if _RUN_NUMBER.fullmatch(name.replace("_", " ")) and len(values) == table.rows
+        if np.all(values == np.round(values)) and not is_counter(values)
+    }
+    columns = {name: values for name, values in table.columns.items() if name not in numbered}
+    return replace(table, columns=columns, texts={**table.texts, **numbered})
 
 
 def is_counter(values: FloatArray) -> bool:

@@ -52,8 +52,8 @@ _KINDS: Mapping[Kind, re.Pattern[str]] = {
     ),
     "filtered": re.compile(r"\b(filter\w*|filt|smooth\w*|gefiltert|gegl[äa]tt\w*|lowpass|lp)\b"),
     "ambient": re.compile(
-        r"\b(amb\w*|room|air|\w*raum\w*|umgebung\w*|lab|labor\w*|chamber|halle?|hal[ay]?|sal[al]e?|otoczeni\w*"
-        r"|powietrz\w*|pokoj\w*|okol\w*|vzduch\w*|környez\w*|luft\w*|ortam|oda|kamer|rumm?\w*)\b"
+        r"\b(amb\w*|room|air|\w*raum\w*|umgebung\w*|lab|labor\w*|(?<!controlled )chamber|halle?|hal[ay]?"
+        r"|sal[al]e?|otoczeni\w*|powietrz\w*|pokoj\w*|okol\w*|vzduch\w*|környez\w*|luft\w*|ortam|oda|kamer|rumm?\w*)\b"
         r"|室温|环境|環境|комнат|воздух|окруж|помещ|실온|\b(tank|reservoir|sump|hpu|pump\w*|hydraul\w*)\b"
     ),
     "other quantity": re.compile(
