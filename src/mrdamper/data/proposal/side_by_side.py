@@ -13,7 +13,7 @@ from mrdamper.data.channels import ChannelMap
 from mrdamper.data.formats.clocks import with_times
 from mrdamper.data.formats.groups import attribute_lines
 from mrdamper.data.formats.settings import SETTINGS
-from mrdamper.data.formats.table import Table
+from mrdamper.data.formats.table import Table, Texts
 from mrdamper.data.proposal.clocks import unit_by_magnitude
 from mrdamper.data.words.headers import means, word_and_unit
 from mrdamper.data.words.labels import labels_in
@@ -165,7 +165,7 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
 
 def with_run_numbers(table: Table) -> Table:
     """Return the table with the numbers of runs, such as a column ``Run No.``, as texts."""
-    numbered = {
+    numbered: dict[str, Texts] = {
         name: [f"{value:.0f}" for value in values]
         for name, values in table.columns.items()
         if _RUN_NUMBER.fullmatch(name.replace("_", " ")) and len(values) == table.rows
