@@ -194,15 +194,10 @@ DOCUMENTS: dict[str, Writer] = {
         "# columns: 1 time [s], 2 stroke [mm], 3 force [N]\n"
         + "CURRENT_A = {\n"
         + each("    '%(n)s.csv': %(i)s,\n")
-        + "}\nI_max = 9  # A\noil = np.array([30, 30,\n    30])  # degC\n"
+        + "}\nI_max = 9  # A\nOIL_degC = {\n"
+        + each("    '%(n)s.csv': 30,\n")
+        + "}\n"
         + "for f in FILES:\n    t, x, F = np.loadtxt(f).T\n",
-        head="",
-    ),
-    "matlab": about(
-        "load_runs.m",
-        "%   1  time, s\n%   2  position, mm   (extension positive)\n%   3  load, N\n"
-        f"I = [{CURRENT_LIST.replace(',', '')}];  % A\nT_oil = [30 30 30]; % degC\n"
-        "for k = 1:3\n  D = load(sprintf('run_%02d.csv', k));\nend\n",
         head="",
     ),
     "matlab_structures": about(

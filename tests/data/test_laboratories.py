@@ -275,14 +275,6 @@ def german_mts(folder: Path) -> None:
         (folder / f"mts{k}.txt").write_bytes((head + "\n".join(table) + "\n").encode("cp1252"))
 
 
-def coarse_time(folder: Path) -> None:
-    """Write a record at 200 Hz with a time resolution of 10 ms."""
-    for k, run in enumerate(RUNS):
-        columns = (np.arange(N) // 2 * 0.01, 1e3 * run.displacement, run.force, run.command)
-        table = [";".join(number(value) for value in row) for row in zip(*columns, strict=True)]
-        (folder / f"{k}.csv").write_text("t [s];x [mm];F [N];I [A]\n" + "\n".join(table) + "\n")
-
-
 def objects(folder: Path) -> None:
     """Write one run with a JSON object per sample, the others as JSON signals, and an unrelated JSON file."""
     first, *others = RUNS
@@ -418,7 +410,6 @@ LABORATORIES: dict[Callable[[Path], None], float | None] = {
     results_above: 313.15,
     names_and_units_listed: None,
     german_mts: 313.15,
-    coarse_time: None,
     objects: None,
     pounds_and_clamp: None,
     listed_in_a_comment: 313.15,

@@ -28,11 +28,6 @@ def columns(run: RigRun) -> tuple[np.ndarray, ...]:
     return run.time, 1e3 * run.displacement, run.force, run.command
 
 
-def noise_N(count: int) -> np.ndarray:
-    """Return the signal of a force sensor without load."""
-    return np.random.default_rng(0).normal(0.0, 0.3, count)
-
-
 def table(*values: np.ndarray, sign: str = ",", form: str = "%.6f") -> str:
     return "".join(sign.join(form % v for v in row) + "\n" for row in zip(*values, strict=True))
 
@@ -312,12 +307,6 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
     ),
     "one_table_of_all_runs": one_table_of_all_runs,
     "units_in_a_document": units_in_a_document,
-    "disconnected_cell": each(
-        lambda run: (
-            FULL.replace("force_N", "force cell 1 [N],force cell 2 [N]")
-            + table(run.time, 1e3 * run.displacement, noise_N(len(run.time)), run.force, run.command)
-        )
-    ),
     "step_in_a_row_of_the_channel": each(
         lambda run: (
             "Nr;Name;Unit;Factor;Interval [s]\n1;Stroke;mm;1;0.005\n2;Load;N;1;0.005\n3;Coil;A;1;0.005\n\n"

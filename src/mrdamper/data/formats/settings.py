@@ -46,10 +46,6 @@ class ReadingSettings:
     swing_ratio_min: float = 0.2  # min change of the signal after a reversal / range of the signal
     reversal_count_min: int = 5
     half_period_ratio_max: float = 0.2  # relative deviation of half periods from their median
-    # A column is noise of a disconnected sensor if its range, divided by the range of another column of the
-    # same quantity, and the correlation of the two columns are both below these limits.
-    noise_range_ratio_max: float = 0.01
-    noise_correlation_max: float = 0.5
     level_part_count: int = 16  # The medians of this number of parts of a column show a step in noise.
 
 

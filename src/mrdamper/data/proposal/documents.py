@@ -38,7 +38,6 @@ _NUMBER_IN_LINE = re.compile(  # The number of a run, as in "run 7", but no valu
     re.IGNORECASE,
 )
 _CLOCK_OF_LIST = re.compile(r"(?<![\d:.,])(\d{1,2}:\d{2})(?![\d:.,])")  # time of day without seconds
-_ITEM = re.compile(r"\bitem (\d+) of (\d+)$")
 _WHOLE = re.compile(r"\d{1,9}(\.0)?")
 _HEADING = re.compile(r"\s*(\[.*\]|#+ .*|[^:=]*:)\s*")
 _ALL_RUNS = re.compile(
@@ -142,9 +141,6 @@ class _Files:
         words = [_PACKED.sub("", word) for word in re.findall(r"[\w.+-]*\w", line.lower())]
         names = [word for word in words if word in self.names and re.search(r"\.|[^\W\d_].*\d", word)]
         if not names and self.numbers and not self.are_others(words):
-            order, item = sorted(self.numbers), _ITEM.search(line)
-            if item and int(item[2]) == len(order) == order[-1] - order[0] + 1 and order[0] < 2:
-                return self.numbers[order[int(item[1]) - 1]]  # Item k of a script is about run k.
             found = {self.numbers.get(int(number), ()) for number in _NUMBER_IN_LINE.findall(line)}
             return found.pop() if len(found) == 1 else ()
         return self.names[names[0]] if len({self.names[name] for name in names}) == 1 else ()
@@ -374,14 +370,13 @@ def _matrix_lines(path: Path, lines: Sequence[str], files: Sequence[Path]) -> di
     heads: Sequence[str] = ()
     known = _Files(files, path.parent)
     for cells in map(_cells, lines):
-        filled = [cell for cell in cells[1:] if cell]
-        named = {cell: known.by_number(cell) or known.in_cell(cell) for cell in filled}
-        if len(cells) != len(heads) or not filled or not all(named.values()):
+        named = [known.by_number(cell) or known.in_cell(cell) for cell in cells[1:] if cell]
+        if len(cells) != len(heads) or not named or not all(named):
             heads = cells
             continue
         for head, cell in zip(heads[1:], cells[1:], strict=True):
             column = f"{heads[0]}: {head}" if is_number(head) else head
-            for file in named.get(cell, ()):
+            for file in (known.by_number(cell) or known.in_cell(cell)) if cell else ():
                 found.setdefault(file, []).extend(map(with_unit, (column, f"{heads[0]}: {cells[0]}")))
     is_whole = found.keys() == {*files} and all(len(each) == 2 for each in found.values())
     return found if is_whole else {}

@@ -43,7 +43,7 @@ def entries_of(text: str, suffix: str) -> list[str]:
     remarks, tree = _tree_of_lines(text, suffix)
     if suffix in SCRIPTS:
         tree = {key: _with_keys(node, remarks) for key, node in tree.items()}
-    return [*remarks, *_lines(tree, is_script=suffix in SCRIPTS)]
+    return [*remarks, *_lines(tree)]
 
 
 def _with_keys(node: Node | str, remarks: list[str]) -> Node | str:
@@ -179,10 +179,10 @@ def _bracket(tokens: Iterator[str]) -> Node:
     return node
 
 
-def _lines(tree: Node | str, path: tuple[str, ...] = (), *, is_script: bool = False) -> Iterator[str]:
+def _lines(tree: Node | str, path: tuple[str, ...] = ()) -> Iterator[str]:
     """Generate a line for each entry. The line begins with all enclosing keys."""
     blanks = " " * len(path)
-    for key, inner in _items(tree, is_script=is_script) if isinstance(tree, dict) else ():
+    for key, inner in _items(tree) if isinstance(tree, dict) else ():
         own = key if isinstance(key, str) else ""
         name = " ".join(filter(None, (*path, own)))
         if isinstance(inner, str):
@@ -209,7 +209,7 @@ def _lines(tree: Node | str, path: tuple[str, ...] = (), *, is_script: bool = Fa
         yield from _lines(inner, (*path, own))
 
 
-def _items(tree: Node, *, is_script: bool) -> Iterator[tuple[str | int, Node | str]]:
+def _items(tree: Node) -> Iterator[tuple[str | int, Node | str]]:
     """Generate the items of a mapping. Lists of equal length become rows of one table."""
     lists: dict[int, dict[str | int, Node | str]] = {}
     for key, inner in tree.items():
@@ -226,8 +226,7 @@ def _items(tree: Node, *, is_script: bool) -> Iterator[tuple[str | int, Node | s
         for number in range(1, count + 1):
             row: Node = {key: column[number] for key, column in columns.items() if isinstance(column, dict)}
             word, unit = word_and_unit(f"{next(iter(row.values()))}")
-            row = {"name": word, "unit": unit} if word and unit else row
-            yield number, {**row, **({"item": f"{number} of {count}"} if is_script else {})}
+            yield number, {"name": word, "unit": unit} if word and unit else row
 
 
 def _text(node: Node, keys: tuple[str, ...]) -> str:

@@ -149,44 +149,6 @@ def without_repeated_end(piece: Piece) -> Piece:
     return replace(piece.part(slice(0, last)), findings=(*piece.findings, found))
 
 
-def evened(piece: Piece) -> Piece:
-    """Replace repeated time stamps by uniform times that agree with each stamp.
-
-    Example: at 200 Hz and a resolution of 10 ms, each stamp occurs twice. If a uniform time differs from a
-    stamp by more than twice the resolution, samples were lost, and nothing is changed.
-    """
-    steps = np.diff(piece.time)
-    if not (np.isfinite(steps).all() and (steps >= 0.0).all() and steps.any()):
-        return piece
-    repeats = steps == 0.0
-    if np.mean(repeats) < 0.1:  # Few repeats are faults of single stamps.
-        return piece
-    still = np.diff(piece.channels.get("displacement", piece.time)) == 0.0
-    # Nothing is changed if the logger wrote a row of minima and a row of maxima for each time.
-    if "displacement" in piece.channels and np.mean(still[repeats]) > 0.9:
-        return piece
-    resolution = float(steps[steps > 0.0].min())
-    # The sampling rate is accurate to 0.3 % if the times span at least 100 steps of the resolution.
-    if float(piece.time[-1] - piece.time[0]) < 100 * resolution:
-        return piece
-    rows = np.arange(len(piece.time), dtype=np.float64)
-    slope, start = np.polyfit(rows, piece.time, 1)
-    even = start + slope * rows
-    if float(np.ptp(even - piece.time)) > 2.001 * resolution:
-        return piece
-    found = Finding(
-        kind="coarse_time",
-        channel="time",
-        size=resolution,
-        unit="s",
-        found=f"time has steps of {resolution:.4g} s and repeats {int((steps == 0.0).sum())} stamps: the "
-        f"samples were spread evenly, at {1.0 / slope:.4g} Hz",
-        effect="Samples that were taken late or early are not detected",
-        remedy="Export the time with more digits",
-    )
-    return replace(piece, time=even, findings=(*piece.findings, found))
-
-
 def cut_at_gaps(piece: Piece) -> Iterator[Piece]:
     """Generate the parts of a piece between its time gaps, with a finding for each gap.
 

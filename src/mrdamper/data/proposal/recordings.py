@@ -37,7 +37,6 @@ from mrdamper.data.proposal.folders import GENERIC_SUFFIXES, format_suffixes, ow
 from mrdamper.data.proposal.pieces import (
     Piece,
     cut_at_gaps,
-    evened,
     filled,
     integrated,
     join_pieces,
@@ -235,7 +234,7 @@ def _channels(
 ) -> tuple[dict[str, FloatArray], FloatArray, tuple[str, ...], tuple[Finding, ...]]:
     """Return channels by role [SI], time [s], roles that were interpolated to one clock, and findings."""
     names = {column.role: column.name for column in columns if column.role != "time"}
-    raw, interpolated, findings = to_one_clock(table, names, chosen, place)
+    raw, interpolated, findings = to_one_clock(table, names, place)
     for column in columns:
         raw.setdefault(column.role, table.columns[column.name])
     channels: dict[str, FloatArray] = {}
@@ -274,7 +273,7 @@ def _make_recordings(
     for piece, name in zip(pieces, names, strict=True):
         zero = float(piece.time[0]) if len(pieces) > 1 or chosen.segments else 0.0
         start = None if piece.start is None else piece.start.later(zero)
-        whole = filled(evened(without_repeated_end(replace(piece, time=piece.time - zero))))
+        whole = filled(without_repeated_end(replace(piece, time=piece.time - zero)))
         parts = list(cut_at_gaps(whole))
         for number, each in enumerate(parts, 1):
             part = each if "displacement" in each.channels else integrated(each)

@@ -13,10 +13,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from mrdamper.data.channels import Channel, ChannelMap
-from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Table
 from mrdamper.data.proposal.clocks import (
     fastest_time,
@@ -167,26 +164,7 @@ def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
         left = [each for each in left if not has_word(each.word, "filtered")] or left
     if role == "time" and len(left) > 1:
         left = [each for each in left if increases(table, each.name)] or left
-    return _connected(left, role, table) if role in {*_NEEDED, "velocity"} and len(left) > 1 else left
-
-
-def _connected(headers: Sequence[Header], role: str, table: Table) -> list[Header]:
-    """Return the columns of connected sensors. A column of a disconnected sensor contains only noise.
-
-    A column with a wrong unit can also have a small range. If it is correlated with the column of the largest
-    range, it is a signal and is returned.
-    """
-    signals = [to_si(table.columns[each.name], each.unit, role) for each in headers]
-    widest = max(signals, key=np.ptp)
-    kept = []
-    for header, signal in zip(headers, signals, strict=True):
-        is_small = np.ptp(signal) <= SETTINGS.noise_range_ratio_max * np.ptp(widest)
-        is_noise = np.ptp(signal) == 0.0 or (
-            abs(np.corrcoef(signal, widest)[0, 1]) < SETTINGS.noise_correlation_max
-        )
-        if not (is_small and is_noise):
-            kept.append(header)
-    return kept or list(headers)  # All columns are returned if all are constant.
+    return left
 
 
 def _column_without_unit(
