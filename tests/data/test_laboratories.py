@@ -619,19 +619,6 @@ def test_few_missing_samples_are_interpolated(tmp_path, mark):
     assert recording.force[99] == pytest.approx((RUNS[1].force[98] + RUNS[1].force[100]) / 2, abs=1e-5)
 
 
-def test_missing_displacement_is_integrated_from_velocity(tmp_path):
-    run = RUNS[1]
-    velocity = np.gradient(run.displacement, run.time)
-    lines = [
-        f"{t:.6f},{1e3 * v:.6f},{f:.6f},0.75" for t, v, f in zip(run.time, velocity, run.force, strict=True)
-    ]
-    (tmp_path / "run.csv").write_text("\n".join(["t [s],v [mm/s],F [N],I [A]", *lines, ""]))
-    read = read_file(tmp_path / "run.csv")
-    assert [finding.kind for finding in read.findings] == ["velocity_integrated"]
-    found, true = (each - each.mean() for each in (read.recordings[0].displacement, run.displacement))
-    assert np.std(found - true) < 0.04 * np.std(true)
-
-
 # ------------------------------------------------------------------------------- numbers in names and headers
 
 

@@ -1,21 +1,13 @@
-"""Displacement is integrated from velocity, and header words select columns."""
+"""Header words select columns."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 import pytest
 
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.formats.table import Layout, Table
-from mrdamper.data.proposal.pieces import (
-    Piece,
-    integrated,
-)
 from mrdamper.data.proposal.roles import find_columns
-
-STEP_s: Any = 0.01
 
 
 def table(**columns: object) -> Table:
@@ -24,17 +16,6 @@ def table(**columns: object) -> Table:
              for name, values in columns.items()}  # fmt: skip
     rows = max(map(len, named.values()))
     return Table(names=(*named,), columns=named, texts={}, layout=Layout("text"), rows=rows)
-
-
-@pytest.mark.parametrize("cycles", [3.7, 4.0, 4.3])  # The number of reversals is even or odd.
-@pytest.mark.parametrize("offset", [0.0, 0.02])
-def test_velocity_is_integrated_without_drift(offset, cycles):
-    """The drift is found over whole cycles, because a line fitted to a part of a sine has a slope."""
-    time = 0.1 * STEP_s * np.arange(round(1000 * cycles))
-    velocity = 0.05 * np.cos(2.0 * np.pi * time + 0.4) + offset
-    found = integrated(Piece(time=time, channels={"velocity": velocity}))
-    path = 0.05 / (2.0 * np.pi) * np.sin(2.0 * np.pi * time + 0.4)
-    assert np.allclose(found.channels["displacement"], path, atol=2e-5)
 
 
 # --------------------------------------------------------------------------------------- selection of columns

@@ -43,9 +43,6 @@ class ReadingSettings:
     unix_time_max_s: float = 2.2e9  # Larger times are counted from a different day, as in Excel.
 
     # Shape of a column
-    swing_ratio_min: float = 0.2  # min change of the signal after a reversal / range of the signal
-    reversal_count_min: int = 5
-    half_period_ratio_max: float = 0.2  # relative deviation of half periods from their median
     level_part_count: int = 16  # The medians of this number of parts of a column show a step in noise.
 
 

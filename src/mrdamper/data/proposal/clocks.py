@@ -62,13 +62,8 @@ def to_one_clock(
 ) -> tuple[dict[str, FloatArray], tuple[str, ...], tuple[Finding, ...]]:
     """Return the columns at the times of the fastest clock, the roles of interpolated columns, and findings.
 
-    If the table has several clocks, the columns include ``time``.
-
-    Parameters
-    ----------
-    names : role -> name of the column, for all roles except time
-
-    Raise InputError if the channels have no common time, or one of them has no clock.
+    ``names`` are the names of the columns by role, except time. If the table has several clocks, the result
+    includes ``time``. Raise InputError if the channels have no common time, or one of them has no clock.
     """
     own = {role: table.clocks[name] for role, name in names.items() if name in table.clocks}
     columns = {role: table.columns[name] for role, name in names.items()}
@@ -244,25 +239,18 @@ def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
 def start_of(table: Table, first_s: float, path: Path, stated: Sequence[str] = ()) -> Moment | None:
     """Return the time stamp of time zero of a table, None if neither its times nor its lines state one.
 
-    If there is only a time of day, the date is searched in this order: lines above the table, documents, file
-    name, name of the folder.
-
-    Parameters
-    ----------
-    first_s : time of the first row [s]
-    stated : lines of documents about the file, used if the file states no start
+    ``first_s`` is the time of the first row. If the file states no start, the lines ``stated`` of documents
+    are used. The date of a time of day is searched there, too, and in the names of file and folder.
     """
     stamps = [moment.later(-first_s) for moment in table.stamps.values()]
     lines = start_in(table.said) or start_in(stated)
     moments = [each for each in (*stamps, table.start, lines) if each is not None]
-    moment = next((each for each in moments if each.has_date), next(iter(moments), None))
-    if moment is None:
+    if not moments:
         is_unix_time = SETTINGS.unix_time_min_s < first_s < SETTINGS.unix_time_max_s
         return Moment(0.0, 0.0, is_utc=True) if is_unix_time else None
-    if moment.has_date:
-        return moment
+    moment = next((each for each in moments if each.has_date), moments[0])
     days = next(filter(None, map(date_in, (table.said, stated, [path.stem], [path.parent.name]))), None)
-    if days is None:
+    if moment.has_date or days is None:
         return moment
     day_s, month_s = (DAY_S * day for day in days)
     return replace(

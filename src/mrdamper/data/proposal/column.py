@@ -132,25 +132,28 @@ def explained(table: Table, notes: Sequence[str], chosen: ChannelMap, file: str)
             if same and to_si(1.0, header.unit, role) not in same.values():
                 other_units[header.name] = next(iter(same))
     is_raw = any("voltage" in each.of_unit for each in headers)
-    scales = tuple(line for line in notes if is_raw and scales_in(line))
     own_rates = [*rates_in(table.said)] + ([1.0 / table.step_s] if table.step_s else [])
-    rates = tuple(line for line in notes if rates_in([line]))
+    rates = [line for line in notes if rates_in([line])]
     # The sampling rate of the file and the rate in a document agree within 1 %.
     if any(abs(rate / own - 1.0) < 0.01 for rate in rates_in(rates) for own in own_rates):
-        rates = ()
-    signs = () if signs_in(table.said) else tuple(line for line in notes if signs_in([line]))
-    dates = tuple(line for line in notes if date_in([line]))
-    dates = dates if date_in(dates) and not date_in(table.said) else ()
+        rates = []
+    dates = [line for line in notes if date_in([line])]
+    said = [*table.said, *rates, *(line for line in notes if is_raw and scales_in(line))]
+    said += [] if signs_in(table.said) else [line for line in notes if signs_in([line])]
+    said += dates if date_in(dates) and not date_in(table.said) else []
     remarks += (f"units from a document: {', '.join(units)}",) if units else ()
     if rates and not own_rates and not any(each.of_word == "time" for each in headers):
-        remarks = (*remarks, f"sampling rate from a document: {rates[0].strip()!r}")
-    layout = replace(table.layout, notes=(*table.layout.notes, *remarks))
-    said = (*table.said, *rates, *scales, *signs, *dates)
+        remarks += (f"sampling rate from a document: {rates[0].strip()!r}",)
     if rates and table.step_s:
-        said = (*said, f"sampling rate: {1.0 / table.step_s:.9g} Hz")
-        table = replace(table, step_s=None)
-    units = {**table.units, **units}
-    table = replace(table, layout=layout, units=units, other_units=other_units, said=said)
+        said.append(f"sampling rate: {1.0 / table.step_s:.9g} Hz")
+    table = replace(
+        table,
+        layout=replace(table.layout, notes=(*table.layout.notes, *remarks)),
+        units={**table.units, **units},
+        other_units=other_units,
+        said=tuple(said),
+        step_s=None if rates else table.step_s,
+    )
     return _renamed(table, meant) if meant else table
 
 

@@ -28,7 +28,7 @@ from mrdamper.data.proposal.column import (
     require_no_text,
 )
 from mrdamper.data.proposal.pieces import Piece
-from mrdamper.data.proposal.questions import Topic, ask
+from mrdamper.data.proposal.questions import ask
 from mrdamper.data.records import command_slack, steady_command
 from mrdamper.data.words.headers import (
     begins_with_symbol,
@@ -204,31 +204,32 @@ def no_command(
     """Return the error that requests the command."""
     for role in COMMANDS:
         require_no_text(role, table, place)
-    volts = [name for name in table.columns if "voltage" in roles_of_unit(word_and_unit(name)[1])]
+    if values:
+        return ask("current", "value", place, found, values)
+    words = {name: word_and_unit(name) for name in table.columns}
     # If two columns have the same word, such as "force", the column in volts is a sensor output.
-    often = Counter(word_and_unit(name)[0] for name in table.columns)
-    volts = [name for name in volts if parse_header(name) is None and often[word_and_unit(name)[0]] == 1]
-    monitors = [
+    often = Counter(word for word, _ in words.values())
+    volts = [
         name
-        for name in volts
-        if has_word(name, "sensor output") or speaks_of(word_and_unit(name)[0], "current")
+        for name, (word, unit) in words.items()
+        if "voltage" in roles_of_unit(unit) and parse_header(name) is None and often[word] == 1
     ]
-    if monitors and not values:
+    monitors = [
+        name for name in volts if has_word(name, "sensor output") or speaks_of(words[name][0], "current")
+    ]
+    if monitors:
         return no_scale("current", monitors, place)
     shares = command_shares(table)
-    if shares and not volts and not values:
+    if shares and not volts:
         found = f"{' and '.join(map(repr, shares))} is a command in per cent of an unknown current"
         return ask("current", "scale", place, f"{found} (answer such as 2 A/100%)", shares)
     headers = [header_of(table, name) for name in table.columns if name not in table.stamps]
-    unclear = [] if values else [each.name for each in headers if _may_be_command(each)]
-    bare = None if volts or len(unclear) > 1 else meant_without_unit("current", headers)
-    listed_columns = f"; {' or '.join(map(repr, unclear))} may hold it" if unclear else ""
-    columns = [*volts, *(name for name in unclear if name not in volts)]
-    topic: Topic = (
-        "unit" if bare is not None and not values else "column" if columns and not values else "value"
-    )
-    choices = values or (QUANTITIES["current"].units if bare is not None else columns)
-    return ask("current", topic, place, found + listed_columns, choices)
+    unclear = [each.name for each in headers if _may_be_command(each)]
+    found += f"; {' or '.join(map(repr, unclear))} may hold it" if unclear else ""
+    if not volts and len(unclear) < 2 and meant_without_unit("current", headers) is not None:
+        return ask("current", "unit", place, found, QUANTITIES["current"].units)
+    columns = [*dict.fromkeys([*volts, *unclear])]
+    return ask("current", "column" if columns else "value", place, found, columns)
 
 
 def _may_be_command(header: Header) -> bool:

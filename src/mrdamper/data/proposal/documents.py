@@ -147,12 +147,7 @@ class _Files:
 
 
 def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Document, ...]:
-    """Return the documents that state conditions of files, among the files and in folders.
-
-    Parameters
-    ----------
-    folders : folders with further files to search
-    """
+    """Return the documents that state conditions of files, among the files and in ``folders``."""
     inside = {
         each
         for folder in folders

@@ -160,19 +160,18 @@ def _members(file: Path) -> Iterator[tuple[str, IO[bytes]]]:
 def distinct_names(names: Sequence[str], sources: Sequence[str]) -> list[str]:
     """Return the names of runs. Equal names from different folders get the folder's name as a prefix."""
     found = list(names)
-    folders = [Path(source).parent if source else None for source in sources]
+    folders = [Path(source).parent for source in sources]
     for _ in range(SETTINGS.folder_depth_max):
         often = Counter(found)
-        if len(often) == len(found):
-            break
-        for name in [name for name, count in often.items() if count > 1]:
-            same = [k for k, other in enumerate(found) if other == name]
-            if len({folders[k] for k in same}) < 2:
-                continue  # A folder's name does not distinguish its own runs.
-            for k in same:
-                folder = folders[k]
-                if folder is not None:
-                    found[k], folders[k] = f"{folder.name}_{name}", folder.parent
+        # A folder's name does not distinguish its own runs.
+        apart = {
+            name
+            for name in often
+            if len({folder for folder, own in zip(folders, found, strict=True) if own == name}) > 1
+        }
+        for k, name in enumerate(found):
+            if name in apart:
+                found[k], folders[k] = f"{folders[k].name}_{name}", folders[k].parent
     return found
 
 

@@ -295,15 +295,16 @@ def _is_covered(time: FloatArray, log: FloatArray) -> bool:
 
 def _finding(path: Path, joined: int, count: int, reason: str) -> Finding:
     """Return the finding of a log that is used for some of the runs."""
-    rest = f" Not used for the others: {reason}" if joined < count else ""
+    found = f"{path.name} is a temperature log that is not used: {reason}"
+    if joined:
+        rest = f" Not used for the others: {reason}" if joined < count else ""
+        found = f"{path.name} is the temperature of {joined} of {count} runs, interpolated in time.{rest}"
     return Finding(
         kind="temperature_log",
         severity="warning" if 0 < joined < count else "note",
         channel="temperature",
         run=path.name,
-        found=f"{path.name} is the temperature of {joined} of {count} runs, interpolated in time.{rest}"
-        if joined
-        else f"{path.name} is a temperature log that is not used: {reason}",
+        found=found,
         effect="An error of a clock becomes an error of the temperature"
         if joined
         else "The log has no effect",

@@ -1,8 +1,8 @@
 """Pieces: ranges of rows of a table that become runs.
 
 A table is divided where time decreases, where a column of words changes, and at time gaps. Pieces with
-continuous time and equal command are joined. Up to 1 % of missing numbers are interpolated. A missing
-displacement is integrated from the velocity. Each of these changes is reported as a finding.
+continuous time and equal command are joined. Up to 1 % of missing numbers are interpolated. Each of
+these changes is reported as a finding.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.core import turning_points
 from mrdamper.data.finding import Finding
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Moment, Texts
@@ -84,16 +83,12 @@ def join_pieces(pieces: Sequence[Piece]) -> list[Piece]:
 def _continues(before: Piece, after: Piece) -> bool:
     if len(before.time) < 2 or not len(after.time) or before.channels.keys() != after.channels.keys():
         return False
-    usual = float(np.median(np.diff(before.time)))
-    if not 0.0 < float(after.time[0] - before.time[-1]) < SETTINGS.continuation_max_steps * usual:
+    pause, usual = float(after.time[0] - before.time[-1]), float(np.median(np.diff(before.time)))
+    is_same = before.told == after.told and before.command_unit == after.command_unit
+    if not is_same or not 0.0 < pause < SETTINGS.continuation_max_steps * usual:
         return False
-    if before.told != after.told or before.command_unit != after.command_unit:
-        return False
-    commands = [piece.channels.get("command") for piece in (before, after)]
-    held = [None if command is None else steady_command(command) for command in commands]
-    if held[0] is None or held[1] is None:
-        return True
-    return abs(held[0] - held[1]) <= command_slack(held[0])
+    first, second = (steady_command(piece.channels["command"]) for piece in (before, after))
+    return first is None or second is None or abs(first - second) <= command_slack(first)
 
 
 def filled(piece: Piece) -> Piece:
@@ -182,46 +177,6 @@ def cut_at_gaps(piece: Piece) -> Iterator[Piece]:
             )
             part = replace(part, findings=(*part.findings, found))
         yield part
-
-
-def integrated(piece: Piece) -> Piece:
-    """Integrate the velocity to a displacement, which is centred and has no drift."""
-    velocity, time = piece.channels["velocity"], piece.time
-    with np.errstate(all="ignore"):  # Invalid numbers are reported later.
-        path = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time))])
-        if len(path) > 2 and np.isfinite(path).all() and (np.diff(time) > 0.0).all():
-            path = path - _slope(path, time) * (time - time[0])
-            path = path - 0.5 * float(np.max(path) + np.min(path))
-    found = Finding(
-        kind="velocity_integrated",
-        channel="displacement",
-        found="there is no displacement: it is the integral of the velocity, centred and without drift",
-        effect="The position of the loop along the stroke, and slow motion, are lost",
-        remedy="Record the displacement where position matters (gas spring, end stops)",
-    )
-    channels = {**piece.channels, "displacement": path}
-    return replace(piece, channels=channels, findings=(*piece.findings, found))
-
-
-def _slope(path: FloatArray, time: FloatArray) -> float:
-    """Return the drift of a path [m/s].
-
-    For a periodic path, the drift is the mean slope over whole cycles. A line fitted to a part of a sine has
-    a slope even without drift. For any other path, the drift is the slope of a fitted line.
-    """
-    duration = float(time[-1] - time[0])
-    line = float(np.polyfit((time - time[0]) / duration, path, 1)[0]) / duration
-    level = path - line * (time - time[0])
-    turns = turning_points(level, SETTINGS.swing_ratio_min * float(np.ptp(level)))
-    if len(turns) < SETTINGS.reversal_count_min:
-        return line
-    halves = np.diff(time[turns[1:-1]])
-    if float(np.max(np.abs(halves / np.median(halves) - 1.0))) > SETTINGS.half_period_ratio_max:
-        return line
-    inner = turns[1:-1]
-    # Two reversals at the same end of the stroke are whole cycles apart.
-    first, last = int(inner[0]), int(inner[-1 if len(inner) % 2 else -2])
-    return float((path[last] - path[first]) / (time[last] - time[first]))
 
 
 def with_stated_signs(

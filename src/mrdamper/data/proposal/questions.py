@@ -1,8 +1,8 @@
 """Questions about data that a file does not contain, and the answers of the user.
 
 A question has a role, a topic (unit, column, scale, value or sampling rate), a file, and candidates
-for the answer. An answer is ``ROLE.TOPIC=VALUE``. It applies to all files (``force.unit=kN``), or to the files
-that match a pattern before it (``run_1*:current.value=0.5 A``).
+for the answer. An answer is ``ROLE.TOPIC=VALUE``. It applies to all files (``force.unit=kN``), or to the
+files that match a pattern before it (``run_1*:current.value=0.5 A``).
 """
 
 from __future__ import annotations

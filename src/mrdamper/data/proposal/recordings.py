@@ -38,7 +38,6 @@ from mrdamper.data.proposal.pieces import (
     Piece,
     cut_at_gaps,
     filled,
-    integrated,
     join_pieces,
     run_edges,
     with_stated_signs,
@@ -76,15 +75,6 @@ class RigFile:
     starts: tuple[Moment | None, ...] = ()  # Moment of time zero of each recording.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Part:
-    """Result of one table. ``pieces`` are the ranges of rows that become runs."""
-
-    pieces: tuple[Piece, ...]
-    columns: tuple[Column, ...]
-    notes: tuple[str, ...] = ()
-
-
 def runs_in(
     tables: Sequence[Table],
     chosen: ChannelMap,
@@ -96,16 +86,12 @@ def runs_in(
 ) -> RigFile:
     """Return the recordings in the tables of a file.
 
-    A table without force versus time, such as results next to the samples, is skipped and reported.
-
-    Parameters
-    ----------
-    name : name of the runs; "": the name of the file
-    stated : lines of documents about the file
-    notes : all lines of documents, which may explain columns and the sampling rate
+    A table without force versus time, such as results next to the samples, is skipped and reported. The name
+    of the runs is ``name``, or the name of the file. ``stated`` are the lines of documents about the file.
+    ``notes`` are all lines of documents, which may explain columns and the sampling rate.
     """
     tables = [explained(table, notes, chosen, file.name) for table in tables] if notes else tables
-    parts: list[_Part] = []
+    parts: list[tuple[list[Piece], Sequence[Column], Sequence[str]]] = []
     faults: list[InputError] = []
     tables = [
         with_clocks(run)
@@ -133,18 +119,15 @@ def runs_in(
         if isinstance(error, AskingError) and not may_be_run:
             raise NoRunError(faults=[error])
         raise error
-    layout = tables[0].layout
-    remarks = tuple(dict.fromkeys(note for part in parts for note in part.notes))
+    remarks = tuple(dict.fromkeys(note for _, _, notes in parts for note in notes))
     if len(parts) < len(tables):
         remarks += (f"{len(tables) - len(parts)} tables without force over time left out",)
     if len(parts) > 1 and tables[0].title:
         remarks += (f"{len(parts)} parts",)
-    layout = replace(layout, notes=(*layout.notes, *remarks))
-    pieces = [piece for part in parts for piece in part.pieces]
-    if chosen.segments is None:
-        pieces = join_pieces(pieces)
-    recordings, findings, inferred, starts = _make_recordings(pieces, chosen, file, name or own_name(file))
-    return RigFile(recordings, layout, parts[0].columns, chosen, findings, inferred, starts)
+    layout = replace(tables[0].layout, notes=(*tables[0].layout.notes, *remarks))
+    pieces = [piece for own, _, _ in parts for piece in own]
+    pieces = pieces if chosen.segments else join_pieces(pieces)
+    return _make_recordings(pieces, chosen, file, name or own_name(file), layout, tuple(parts[0][1]))
 
 
 def _may_be_run(table: Table, *, is_foreign: bool) -> bool:
@@ -192,7 +175,8 @@ def _part_of(
     file: Path,
     stated: Sequence[Place],
     lists: Mapping[str, Sequence[str]],
-) -> _Part:
+) -> tuple[list[Piece], Sequence[Column], Sequence[str]]:
+    """Return the pieces of a table, which are ranges of rows, its columns, and notes."""
     place = file.name
     columns = find_columns(table, chosen, place)
     channels, time, interpolated, findings = _channels(table, columns, chosen, place)
@@ -213,20 +197,16 @@ def _part_of(
             channels={name: each[first:last] for name, each in channels.items()},
             title=title,
             findings=() if number else findings,
-            start=start_of(table, float(time[0]), file, [each.text for each in stated])
-            if len(time)
-            else None,
+            start=start_of(table, float(time[0]), file, [each.text for each in stated]),
         )
         place_texts = (*places_of(title, said, file), *stated)
         role, values, told = command_of(role, values, len(piece.time), table, chosen, place_texts, place)
         piece, told = with_temperature(piece, told, chosen, place_texts)
         channels_now = {**piece.channels, "command": values}
         pieces.append(replace(piece, channels=channels_now, told=told, command_unit=COMMAND_UNITS[role]))
-    slow = ", ".join(interpolated)
-    notes: tuple[str, ...] = (f"{slow} interpolated to the fastest clock",) if slow else ()
-    skipped = skipped_columns(table, columns, chosen, place)
-    notes += (*remarks, *((f"not used: {', '.join(skipped)}",) if skipped else ()))
-    return _Part(tuple(join_pieces(pieces)), columns, notes)
+    notes = [f"{', '.join(interpolated)} interpolated to the fastest clock"] if interpolated else []
+    skipped = skipped_columns(table, columns, chosen)
+    return pieces, columns, [*notes, *remarks, *([f"not used: {', '.join(skipped)}"] if skipped else [])]
 
 
 def _channels(
@@ -257,58 +237,47 @@ def _channels(
 
 
 def _make_recordings(
-    pieces: Sequence[Piece], chosen: ChannelMap, file: Path, own_name: str
-) -> tuple[tuple[Recording, ...], tuple[Finding, ...], tuple[Inference, ...], tuple[Moment | None, ...]]:
-    """Return the recordings from the pieces of a file, with findings, inferences and starts.
-
-    The findings describe changes of the data, the inferences are values read from words. A start is the time
-    stamp of time zero of a recording.
-    """
+    pieces: Sequence[Piece],
+    chosen: ChannelMap,
+    file: Path,
+    own_name: str,
+    layout: Layout,
+    columns: tuple[Column, ...],
+) -> RigFile:
+    """Return the recordings from the pieces of a file, with findings, inferences and starts."""
     stem = printable(own_name)
-    names = _names(pieces, chosen, stem)
     recordings: list[Recording] = []
     findings: list[Finding] = []
     inferred: list[Inference] = []
     starts: list[Moment | None] = []
-    for piece, name in zip(pieces, names, strict=True):
+    for piece, name in zip(pieces, _names(pieces, chosen, stem), strict=True):
         zero = float(piece.time[0]) if len(pieces) > 1 or chosen.segments else 0.0
-        start = None if piece.start is None else piece.start.later(zero)
         whole = filled(without_repeated_end(replace(piece, time=piece.time - zero)))
         parts = list(cut_at_gaps(whole))
-        for number, each in enumerate(parts, 1):
-            part = each if "displacement" in each.channels else integrated(each)
+        for number, part in enumerate(parts, 1):
             run = f"{name}_{number}" if len(parts) > 1 else name
-            recordings.append(_recording(part, run, chosen.session or stem, file))
-            starts.append(start)
+            for values in (part.time, *part.channels.values()):
+                if values.base is None:
+                    values.setflags(write=False)  # The recording shares the array.
+            fields: dict[str, Any] = {role: part.channels.get(role) for role in CHANNELS if role != "time"}
+            fields |= {"session": chosen.session or stem, "source": printable(str(file))}
+            recordings.append(Recording(run, part.time, command_unit=part.command_unit, **fields))
+            starts.append(piece.start and piece.start.later(zero))
             findings += [replace(finding, run=run) for finding in part.findings]
             inferred += [Inference(run, *told) for told in part.told]
-    return tuple(recordings), tuple(findings), tuple(inferred), tuple(starts)
-
-
-def _recording(piece: Piece, name: str, session: str, file: Path) -> Recording:
-    for values in (piece.time, *piece.channels.values()):
-        if values.base is None:
-            values.setflags(write=False)  # The recording shares the array.
-    channels: dict[str, Any] = {role: piece.channels.get(role) for role in CHANNELS if role != "time"}
-    source = printable(str(file))
-    return Recording(
-        name, piece.time, **channels, command_unit=piece.command_unit, session=session, source=source
-    )
+    found = (tuple(recordings), layout, columns, chosen, tuple(findings), tuple(inferred), tuple(starts))
+    return RigFile(*found)
 
 
 def _names(pieces: Sequence[Piece], chosen: ChannelMap, stem: str) -> list[str]:
     """Return the names of runs: the file name, and command, title or number if needed."""
     if len(pieces) == 1 and chosen.segments is None:
         return [stem]
-    titles = [piece.title for piece in pieces]
-    if chosen.segments is not None or all(
-        piece.told and piece.told[0][0] in COMMAND_UNITS for piece in pieces
-    ):
+    ends = [piece.title for piece in pieces]
+    if chosen.segments or all(piece.told and piece.told[0][0] in COMMAND_UNITS for piece in pieces):
         ends = [f"{piece.channels['command'][0]:.2f}{piece.command_unit}" for piece in pieces]
-    elif len(set(titles)) == len(titles):
-        ends = titles
-    else:
-        return [f"{stem}_{number}" for number in range(1, len(pieces) + 1)]
+    elif len({*ends}) < len(ends):
+        ends = [f"{number}" for number in range(1, len(pieces) + 1)]
     names = []
     for number, end in enumerate(ends):
         again = ends[:number].count(end)

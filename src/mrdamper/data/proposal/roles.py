@@ -60,37 +60,34 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
     headers = headers_of(table)
     columns: list[Column] = []
     faults: list[InputError] = []
-    known: set[str] = set()  # Roles that have a column or a question.
     for role in (*(role for role in QUANTITIES if role != "time"), "time"):
+        channel = chosen.channel(role)
         own_time = fastest_time(table, [column.name for column in columns]) if role == "time" else None
         try:
-            if own_time is not None and chosen.channel("time").find(table.names, place) is None:
-                unit = chosen.channel("time").unit or header_of(table, own_time).unit
+            if own_time is not None and channel.find(table.names, place) is None:
+                unit = channel.unit or header_of(table, own_time).unit
                 if not unit:
                     raise no_unit("time", place, own_time)
-                column: Column | None = Column("time", own_time, unit, "clock")
-            else:
-                column = column_of(role, table, headers, chosen, place)
-            if column is not None and column.source not in {"map", "clock"}:
+                columns.append(Column("time", own_time, unit, "clock"))
+                continue
+            column = column_of(role, table, headers, chosen, place)
+            if column is None:
+                if role in _NEEDED:
+                    raise no_column(role, table, place)
+                continue
+            if column.source != "map":
                 # A reader appends a number to a repeated name: ``force (4)``.
                 again = re.compile(rf"{re.escape(column.name)} \(\d+\)")
                 names = [column.name, *filter(again.fullmatch, table.columns)]
                 column = _select_one(role, [replace(column, name=name) for name in names], place)
-            if column is not None and column.name in table.scales and chosen.channel(role).gain is None:
+            if column.name in table.scales and channel.gain is None:
                 raise _unclear_factor(column, table.scales[column.name], place)
-            if column is not None and not chosen.channel(role).unit and (other := other_unit(table, column)):
+            if not channel.unit and (other := other_unit(table, column)):
                 found = f"column {column.name!r} is in {column.unit}, but a document states {other}"
                 raise no_unit(role, place, column.name, found)
+            columns.append(column)
         except InputError as fault:
             faults.append(fault)
-            known.add(role)
-            continue
-        if column is not None:
-            columns.append(column)
-            known.add(role)
-    for role in _NEEDED:
-        if role not in known and not (role == "displacement" and "velocity" in known):
-            faults.append(no_column(role, table, place))
     if faults:
         raise ask_all(faults)
     return tuple(sorted(columns, key=lambda column: [*QUANTITIES].index(column.role)))
@@ -221,28 +218,26 @@ def _column_without_unit(
 def _is_needed(role: str, headers: Sequence[Header]) -> bool:
     """Return True if a run requires a role, so that an unclear column results in a question.
 
-    A run requires current or voltage. Velocity is required only if displacement is missing.
+    A run requires current or voltage.
     """
     if role == "current":
         return not any("voltage" in each.of_unit and says_command(each.word) for each in headers)
     if role == "voltage":
         return not any("current" in each.of_unit for each in headers)
-    if role == "velocity":
-        return not any("displacement" in (each.of_word, *each.of_unit) for each in headers)
-    return role != "temperature"
+    return role not in {"velocity", "temperature"}
 
 
-def skipped_columns(table: Table, columns: Sequence[Column], chosen: ChannelMap, place: str) -> list[str]:
+def skipped_columns(table: Table, columns: Sequence[Column], chosen: ChannelMap) -> list[str]:
     """Return the columns of unknown unit that may belong to a role without a column."""
-    taken = {column.name for column in columns}
+    taken = {column.name for column in columns} | {*table.stamps}
     roles = {*QUANTITIES} - {column.role for column in columns} - chosen.constant.keys()
-    headers = [header_of(table, name) for name in table.columns if name not in {*taken, *table.stamps}]
+    headers = [header_of(table, name) for name in table.columns if name not in taken]
     return [
         f"{each.name!r} ({role}, unknown unit)"
         for role in QUANTITIES
-        if role in roles
         for each in headers
-        if not each.unit and (each.of_word == role or (not each.of_word and speaks_of(each.word, role)))
+        if role in roles and not each.unit
+        if each.of_word == role or (not each.of_word and speaks_of(each.word, role))
     ]
 
 
