@@ -146,21 +146,21 @@ def with_temperature(
     if "temperature" in piece.channels:
         return piece, told
     value = chosen.constant.get("temperature")
-    if value is None:
-        label = find_label(texts, "temperature")
-        if label is None:
-            return piece, told
-        if len(label.values) != 1 or label.others:
-            finding = Finding(
-                kind="contradictory_temperatures",
-                channel="temperature",
-                found=label.in_words("degC"),
-                effect="None of the temperatures is used",
-                remedy="Correct the texts, or answer temperature.value=VALUE",
-            )
-            return replace(piece, findings=(*piece.findings, finding)), told
+    label = find_label(texts, "temperature") if value is None else None
+    if label is not None and (len(label.values) != 1 or label.others):
+        finding = Finding(
+            kind="contradictory_temperatures",
+            channel="temperature",
+            found=label.in_words("degC"),
+            effect="None of the temperatures is used",
+            remedy="Correct the texts, or answer temperature.value=VALUE",
+        )
+        return replace(piece, findings=(*piece.findings, finding)), told
+    if label is not None:
         value = label.values[0]
         told = (*told, ("temperature", value, label.source))
+    if value is None:
+        return piece, told
     warm = np.full(len(piece.time), value)
     return replace(piece, channels={**piece.channels, "temperature": warm}), told
 

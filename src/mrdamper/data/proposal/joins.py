@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -148,16 +148,8 @@ def _join_channels(parts: Sequence[_ChannelFile]) -> Table:
     return with_times(whole, {name: part.times for name, part in named.items()})
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Log:
-    """A temperature log: start, increasing times [s] after the start, and temperatures [K]."""
-
-    start: Moment
-    time: FloatArray
-    temperature: FloatArray
-
-
 Run = tuple[Path, Recording, Moment | None]  # File, recording, and the moment of its time zero.
+_Log = tuple[Moment, FloatArray, FloatArray]  # Start, times after the start [s], and temperatures [K].
 
 
 def join_temperature_logs(
@@ -172,41 +164,37 @@ def join_temperature_logs(
     logs.
     """
     runs = [(path, *pair) for path, file in read for pair in zip(file.recordings, file.starts, strict=True)]
-    found: dict[Path, dict[int, FloatArray | None]] = {}
+    counts: dict[Path, int] = {}  # Number of runs that each log may cover.
     reasons: dict[Path, str] = {}
+    joined: list[tuple[Path, int, FloatArray]] = []
     for path in others if runs else ():
         below = [run for run, (file, *_) in enumerate(runs) if path.parent in file.parents]
         beside = [run for run, (file, *_) in enumerate(runs) if path.parent.parent in file.parents]
         try:
             log = _read_log(path, with_answers(chosen, answers, path))
         except InputError as fault:
-            found[path], reasons[path] = {}, fault.found
+            counts[path], reasons[path] = 0, fault.found
             continue
         if log is None:
             continue
-        found[path] = dict.fromkeys(below or beside)
-        for run in found[path]:
+        counts[path] = len(below or beside)
+        for run in below or beside:
             try:
-                found[path][run] = _temperature_of(runs[run], log, runs)
+                joined.append((path, run, _temperature_of(runs[run], log, runs)))
             except InputError as fault:
                 reasons.setdefault(path, fault.found)
-    joined = [
-        (path, run, kelvin) for path in found for run, kelvin in found[path].items() if kelvin is not None
-    ]
     often = Counter(run for _, run, _ in joined)
     reasons |= {path: "another log covers the same runs" for path, run, _ in joined if often[run] > 1}
     warm = {run: kelvin for _, run, kelvin in joined if often[run] == 1}
-    recordings = (
-        replace(one, temperature=warm[run]) if run in warm else one for run, (_, one, _) in enumerate(runs)
-    )
-    files = [
-        (path, replace(file, recordings=tuple(islice(recordings, len(file.recordings)))))
-        for path, file in read
-    ]
+    numbers = count()
+    files = []
+    for path, file in read:
+        warmed = [
+            replace(one, temperature=warm.get(next(numbers), one.temperature)) for one in file.recordings
+        ]
+        files.append((path, replace(file, recordings=tuple(warmed))))
     used = Counter(path for path, run, _ in joined if run in warm)
-    return files, {
-        path: _finding(path, used[path], len(found[path]), reasons.get(path, "")) for path in found
-    }
+    return files, {path: _finding(path, used[path], counts[path], reasons.get(path, "")) for path in counts}
 
 
 def _read_log(path: Path, chosen: ChannelMap) -> _Log | None:
@@ -233,14 +221,11 @@ def _read_log(path: Path, chosen: ChannelMap) -> _Log | None:
     if column is None or has_word(column.name, "ambient") or has_word(path.stem, "ambient"):
         raise InputError(found="it has no temperature of the damper with a unit")
     kelvin = column.channel(chosen).to_si(table.columns[column.name], column.unit, place)
-    valid = (
-        np.isfinite(time)
-        & (kelvin > QUANTITIES["temperature"].low)
-        & (kelvin < QUANTITIES["temperature"].high)
-    )
+    low, high = QUANTITIES["temperature"].low, QUANTITIES["temperature"].high
+    valid = np.isfinite(time) & (kelvin > low) & (kelvin < high)
     if valid.sum() < 2 or np.any(np.diff(time[valid]) <= 0.0):
         raise InputError(found="it has no increasing times with plausible temperatures")
-    return _Log(start, time[valid], kelvin[valid])
+    return start, time[valid], kelvin[valid]
 
 
 def _times(table: Table, headers: Sequence[Header], chosen: ChannelMap, place: str) -> FloatArray:
@@ -265,6 +250,7 @@ def _temperature_of(run: Run, log: _Log, runs: Sequence[Run]) -> FloatArray:
     Raise InputError if the clocks of run and log cannot be compared, or if the log does not cover the run.
     """
     path, recording, start = run
+    begin, seconds, kelvin = log
     if recording.temperature is not None:
         raise InputError(found="the runs state their own temperature")
     if start is None or not start.has_date:
@@ -273,13 +259,11 @@ def _temperature_of(run: Run, log: _Log, runs: Sequence[Run]) -> FloatArray:
     apart = np.abs(np.array(begins) - start.day_first_s - recording.time[0])
     if np.any(apart < 0.5 * np.ptp(recording.time)):
         raise InputError(found="several runs state the same start time")
-    if start.is_utc != log.start.is_utc:
+    if start.is_utc != begin.is_utc:
         raise InputError(found="only one of runs and log states UTC, the other local time of an unknown zone")
-    day_first = start.day_first_s, log.start.day_first_s
-    for of_run_s, of_log_s in (day_first, (start.month_first_s, log.start.month_first_s)):
-        time = recording.time + of_run_s - of_log_s
-        if _is_covered(time, log.time):
-            return np.interp(time, log.time, log.temperature)
+    for late_s in (start.day_first_s - begin.day_first_s, start.month_first_s - begin.month_first_s):
+        if _is_covered(recording.time + late_s, seconds):
+            return np.interp(recording.time + late_s, seconds, kelvin)
     raise InputError(found=f"its times do not cover {path.name}")
 
 
