@@ -294,12 +294,9 @@ def unit_by_magnitude(times: FloatArray, step_max_s: float = _STEP_MAX_S) -> str
 
 
 def require_one_rate(column: Column, table: Table, place: str) -> None:
-    """Raise InputError if time unit and sampling rate differ by a power of a thousand."""
-    ticks = _ticks_per_second(column.name, table) if table.said else None
-    if ticks is None or ticks <= 0.0:
-        return
-    wrong = ticks * float(to_si(1.0, column.unit, "time"))
-    if any(_is_near(wrong, factor) for factor in (1e3, 1e-3, 1e6, 1e-6)):
+    """Raise InputError if the sampling rate above the table agrees with another unit of time."""
+    expected = unit_by_rate(column.name, table) if table.said else ""
+    if expected and to_si(1.0, expected, "time") != to_si(1.0, column.unit, "time"):
         found = f"column {column.name!r} is in {column.unit}, but the sampling rate above it contradicts"
         raise no_unit("time", place, column.name, found)
 

@@ -5,7 +5,6 @@ Words (``words.labels``) are used only if neither a column nor a map has the val
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -165,36 +164,24 @@ def with_temperature(
     return replace(piece, channels={**piece.channels, "temperature": warm}), told
 
 
-def with_segments(tables: Sequence[Table], chosen: ChannelMap, place: str) -> list[tuple[Table, ChannelMap]]:
-    """Return each table with its map. Segments of the map divide the tables into tests with own commands."""
+def segments_of(table: Table, chosen: ChannelMap, place: str) -> list[tuple[int, ChannelMap]]:
+    """Return the first row of each test in a table, and its map with the command. A map may have segments."""
     segments = chosen.segments
     if segments is None:
-        return [(table, chosen) for table in tables]
-    tests: list[Table] = []
-    for table in tables:
-        begins = {
-            row
-            for cells in table.texts.values()
-            for row, cell in enumerate(cells)
-            if cell is not None and segments.split in cell
-        }
-        for first, last in itertools.pairwise([*sorted({0, *begins}), table.rows]):
-            columns = {
-                name: values[first:last] if len(values) == table.rows else values
-                for name, values in table.columns.items()
-            }
-            stamps = {
-                name: moment.later(float(columns[name][0] - table.columns[name][0]))
-                for name, moment in table.stamps.items()
-            }
-            tests.append(replace(table, columns=columns, texts={}, stamps=stamps, rows=last - first))
-    if len(tests) != len(segments.commands):
-        found = f"{segments.split!r} splits the file into {len(tests)} tests"
+        return []
+    begins = {
+        row
+        for cells in table.texts.values()
+        for row, cell in enumerate(cells)
+        if segments.split in (cell or "")
+    }
+    if len({0, *begins}) != len(segments.commands):
+        found = f"{segments.split!r} splits the file into {len({0, *begins})} tests"
         found += f", [segments] has {len(segments.commands)}"
         raise InputError(place=place, found=found, remedy="Check the events and the list")
     return [
-        (table, replace(chosen, segments=None, constant={**chosen.constant, segments.role: command}))
-        for table, command in zip(tests, segments.commands, strict=True)
+        (row, replace(chosen, segments=None, constant={**chosen.constant, segments.role: command}))
+        for row, command in zip(sorted({0, *begins}), segments.commands, strict=True)
     ]
 
 

@@ -105,17 +105,14 @@ class _Files:
         # Files by the last number in the name of the run or folder, if these numbers are different.
         self.numbers: dict[int, tuple[Path, ...]] = {}
         for keys in (
-            [path.parent / strip_channel(own_name(path)) for path in files],
-            [path.parent for path in files],
+            {path: path.parent / strip_channel(own_name(path)) for path in files},
+            {path: path.parent for path in files},
         ):
-            groups: dict[Path, list[Path]] = {}
-            for key, path in zip(keys, files, strict=True):
-                groups.setdefault(key, []).append(path)
-            last = {group: found for group in groups if (found := re.findall(r"\d{1,9}", group.name))}
-            numbers = {int(found[-1]): tuple(groups[group]) for group, found in last.items()}
+            last = {key: found[-1] for key in keys.values() if (found := re.findall(r"\d{1,9}", key.name))}
+            numbers = {int(n): tuple(path for path in files if keys[path] == key) for key, n in last.items()}
             # A file without a number, such as a table of results, may be next to one series of files.
-            is_series = len({re.sub(r"\d+", "#", group.name) for group in last}) == 1
-            if not self.numbers and len(numbers) == len(last if is_series else groups) > 1:
+            is_series = len({re.sub(r"\d+", "#", key.name) for key in last}) == 1
+            if not self.numbers and len(numbers) == len(last if is_series else {*keys.values()}) > 1:
                 self.numbers = numbers
 
     def in_cell(self, cell: str) -> tuple[Path, ...]:

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import PurePath
-from typing import Any, Literal, get_args
+from typing import Any, Literal, cast, get_args
 
 from mrdamper.data.channels import Channel, ChannelMap
 from mrdamper.errors import InputError, MrdamperError
@@ -118,20 +118,16 @@ def parse_answers(given: Sequence[str]) -> tuple[Answer, ...]:
     """
     answers = []
     for text in given:
-        found = _ANSWER.fullmatch(text.strip())
+        place, found = f"answer {text!r}", _ANSWER.fullmatch(text.strip())
         if found is None:
-            raise InputError(
-                place=f"answer {text!r}",
-                found="its form is not valid",
-                expected="ROLE.TOPIC=VALUE, such as force.unit=kN",
-            )
-        role, name, value, files = found.group("role", "topic", "value", "files")
+            expected = "ROLE.TOPIC=VALUE, such as force.unit=kN"
+            raise InputError(place=place, found="its form is not valid", expected=expected)
+        role, topic, value, files = found.group("role", "topic", "value", "files")
         if role not in QUANTITIES:
-            raise unknown_name("no role", role, QUANTITIES, f"answer {text!r}")
-        topic = next((each for each in get_args(Topic) if each == name), None)
-        if topic is None:
-            raise unknown_name("no topic", name, get_args(Topic), f"answer {text!r}")
-        answers.append(Answer(role, topic, value.strip(), files or "*"))
+            raise unknown_name("no role", role, QUANTITIES, place)
+        if topic not in get_args(Topic):
+            raise unknown_name("no topic", topic, get_args(Topic), place)
+        answers.append(Answer(role, cast(Topic, topic), value.strip(), files or "*"))
     return tuple(answers)
 
 

@@ -29,7 +29,7 @@ from mrdamper.data.proposal.commands import (
     COMMAND_UNITS,
     command_of,
     command_role,
-    with_segments,
+    segments_of,
     with_temperature,
 )
 from mrdamper.data.proposal.documents import lines_by_title
@@ -101,11 +101,9 @@ def runs_in(
         for run in one_force_each(with_run_numbers(block), chosen)
     ]
     lists = lines_by_title(tables, () if stated else notes) if tables else {}
-    segments = with_segments(tables, chosen, file.name)
-    tables = [table for table, _ in segments]
-    for table, own in segments:
+    for table in tables:
         try:
-            parts.append(_part_of(table, own, file, stated, lists))
+            parts.append(_part_of(table, chosen, file, stated, lists))
         except InputError as fault:
             if len(tables) > 1 and table.title:
                 part = "sheet" if table.layout.format == "Excel file" else "part"
@@ -178,6 +176,8 @@ def _part_of(
 ) -> tuple[list[Piece], Sequence[Column], Sequence[str]]:
     """Return the pieces of a table, which are ranges of rows, its columns, and notes."""
     place = file.name
+    maps = dict(segments_of(table, chosen, place))
+    chosen = maps.get(0, chosen)
     columns = find_columns(table, chosen, place)
     channels, time, interpolated, findings = _channels(table, columns, chosen, place)
     reversed_by_map = any(channel.sign < 0 for channel in chosen.channels.values())
@@ -186,7 +186,7 @@ def _part_of(
     measured = channels.pop(role) if role in channels else None
     for other in COMMAND_UNITS:
         channels.pop(other, None)
-    edges, titles = run_edges(time, table.texts)
+    edges, titles = ([*maps, len(time)], {}) if maps else run_edges(time, table.texts)
     pieces = []
     for number, (first, last) in enumerate(itertools.pairwise(edges)):
         title = next((titles[k] for k in sorted(titles, reverse=True) if k <= first), table.title)
@@ -200,7 +200,8 @@ def _part_of(
             start=start_of(table, float(time[0]), file, [each.text for each in stated]),
         )
         place_texts = (*places_of(title, said, file), *stated)
-        role, values, told = command_of(role, values, len(piece.time), table, chosen, place_texts, place)
+        own = maps.get(first, chosen)
+        role, values, told = command_of(role, values, len(piece.time), table, own, place_texts, place)
         piece, told = with_temperature(piece, told, chosen, place_texts)
         channels_now = {**piece.channels, "command": values}
         pieces.append(replace(piece, channels=channels_now, told=told, command_unit=COMMAND_UNITS[role]))
