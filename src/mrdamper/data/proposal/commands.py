@@ -164,25 +164,29 @@ def with_temperature(
     return replace(piece, channels={**piece.channels, "temperature": warm}), told
 
 
-def segments_of(table: Table, chosen: ChannelMap, place: str) -> list[tuple[int, ChannelMap]]:
-    """Return the first row of each test in a table, and its map with the command. A map may have segments."""
+def segments_of(
+    tables: Sequence[Table], chosen: ChannelMap, place: str
+) -> list[tuple[Table, dict[int, ChannelMap]]]:
+    """Return each table, and the maps of its tests by first row, {} if the map has no segments."""
     segments = chosen.segments
     if segments is None:
-        return []
-    begins = {
-        row
-        for cells in table.texts.values()
-        for row, cell in enumerate(cells)
-        if segments.split in (cell or "")
-    }
-    if len({0, *begins}) != len(segments.commands):
-        found = f"{segments.split!r} splits the file into {len({0, *begins})} tests"
+        return [(table, {}) for table in tables]
+    rows = [[*zip(*table.texts.values(), strict=True)] for table in tables]
+    begins = [
+        [k for k, cells in enumerate(each) if any(segments.split in (cell or "") for cell in cells)]
+        for each in rows
+    ]
+    starts = [sorted({0, *each}) for each in begins]
+    count = sum(map(len, starts))
+    if count != len(segments.commands):
+        found = f"{segments.split!r} splits the file into {count} tests"
         found += f", [segments] has {len(segments.commands)}"
         raise InputError(place=place, found=found, remedy="Check the events and the list")
-    return [
-        (row, replace(chosen, segments=None, constant={**chosen.constant, segments.role: command}))
-        for row, command in zip(sorted({0, *begins}), segments.commands, strict=True)
-    ]
+    maps = (
+        replace(chosen, segments=None, constant={**chosen.constant, segments.role: command})
+        for command in segments.commands
+    )
+    return [(table, {row: next(maps) for row in rows}) for table, rows in zip(tables, starts, strict=True)]
 
 
 def no_command(

@@ -101,9 +101,9 @@ def runs_in(
         for run in one_force_each(with_run_numbers(block), chosen)
     ]
     lists = lines_by_title(tables, () if stated else notes) if tables else {}
-    for table in tables:
+    for table, maps in segments_of(tables, chosen, file.name):
         try:
-            parts.append(_part_of(table, chosen, file, stated, lists))
+            parts.append(_part_of(table, chosen, maps, file, stated, lists))
         except InputError as fault:
             if len(tables) > 1 and table.title:
                 part = "sheet" if table.layout.format == "Excel file" else "part"
@@ -170,13 +170,16 @@ def _is_other_kind(table: Table, tables: Sequence[Table]) -> bool:
 def _part_of(
     table: Table,
     chosen: ChannelMap,
+    maps: Mapping[int, ChannelMap],
     file: Path,
     stated: Sequence[Place],
     lists: Mapping[str, Sequence[str]],
 ) -> tuple[list[Piece], Sequence[Column], Sequence[str]]:
-    """Return the pieces of a table, which are ranges of rows, its columns, and notes."""
+    """Return the pieces of a table, which are ranges of rows, its columns, and notes.
+
+    ``maps`` are the maps of tests by first row, if the channel map divides the table into tests.
+    """
     place = file.name
-    maps = dict(segments_of(table, chosen, place))
     chosen = maps.get(0, chosen)
     columns = find_columns(table, chosen, place)
     channels, time, interpolated, findings = _channels(table, columns, chosen, place)
