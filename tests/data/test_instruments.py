@@ -144,7 +144,46 @@ def archive(folder: Path) -> None:
     np.savez(folder / "day.npz", **whole, columns=names, current_A=np.array(CURRENTS))
 
 
+def numbered(run: RigRun, first: str, last: str) -> str:
+    """Return the counts of two of three channels, which a table describes by their numbers."""
+    head = f"Corrente bobina;{run.command[0]:g} A\nFrequenza di campionamento;200 Hz\n"
+    head += "Valore = (conteggio - offset) * fattore\n\nCanale;Nome;Unità;Fattore;Offset\n"
+    head += "3;Forza;N;-0,001;2031\n2;Olio;°C;0,1;0\n1;Corsa;mm;0,000001;2048\n\nDati\n"
+    x, f = np.round(1e6 * columns(run)[1]) + 2048, np.round(-1000 * columns(run)[2]) + 2031
+    values = {"Canale 1": x, "Canale 3": f}
+    return f"{head}{first};{last}\n" + table(values[first], values[last], sign=";", form="%.0f")
+
+
+def shares(run: RigRun, head: str) -> str:
+    values = zip(columns(run)[:3], (1.0, 0.25, 20.0), strict=True)
+    text = table(*(each / full for each, full in values), run.command, form="%.9f")
+    above = "".join(f"# {line}\n" for line in head.splitlines())
+    return f"{above}time_s,stroke_pct,force_pct,coil_A\n{text}"
+
+
+def ranges_in_a_document(folder: Path) -> None:
+    each(lambda run: shares(run, ""))(folder)
+    write(folder, "README.txt", "stroke range 25 mm\nforce range 2 kN\n")
+
+
+def fortran(run: RigRun, step: str) -> str:
+    rows = table(*columns(run)[1:3], sign="  ", form="%.9E").replace("E", "D")
+    return f" COIL CURRENT = {run.command[0]:.2f} AMP\n {step}\n  DISPL (MM)  FORCE (N)\n{rows}"
+
+
 LAYOUTS: dict[str, Callable[[Path], None]] = {
+    "channels_by_number": each(lambda run: numbered(run, "Canale 1", "Canale 3")),
+    "channels_by_number_in_other_order": each(lambda run: numbered(run, "Canale 3", "Canale 1")),
+    "per_cent_in_names": each(
+        lambda run: shares(
+            run,
+            "stroke_pct: per cent of range, range 25 mm\nforce_pct: per cent of range, range 2 kN\n"
+            "coil_A: ampere",
+        )
+    ),
+    "per_cent_with_ranges_in_a_document": ranges_in_a_document,
+    "step_and_count": each(lambda run: fortran(run, "NPTS = 800   DT = 5.0D-03 SEC"), "TEST.R0{}"),
+    "step_after_count": each(lambda run: fortran(run, "NPTS= 800, DT= .0050 SEC")),
     "list_of_names_with_commas": each(
         lambda run: (
             '"Setup","Damper, MR-7"\n"Sample rate:","200 Hz"\n"1","Stroke, rod","mm",-15.2\n'
@@ -271,6 +310,10 @@ UNCLEAR: dict[str, Callable[[Path], None]] = {
     "scope_without_scales": lambda folder: scope(folder, "four screens\n"),
     "scope_with_two_scales": lambda folder: scope(folder, SCOPE + "CH2, new amplifier: 250 N/V\n"),
     "per_cent_of_no_range": each(lambda run: "Rate 200 Hz\n" + per_cent(run)[per_cent(run).index("ALLE") :]),
+    "per_cent_of_a_range_with_two_ends": each(
+        lambda run: shares(run, "stroke range: 10 to 35 mm\nforce range: 2 kN")
+    ),
+    "step_and_other_rate": each(lambda run: fortran(run, "FS = 200 HZ   DT = 0.004 SEC")),
     "vector_of_unnumbered_runs": lambda folder: matrices(folder, ("low", "mid", "high")),
 }
 

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from mrdamper.data.readers import read_runs
 from mrdamper.data.tables import read_table
 from mrdamper.errors import InputError
 from tests.data.rig_files import RUN, read_run
@@ -116,3 +117,16 @@ def test_unreadable_lvm_is_rejected_with_reason(tmp_path, content, said):
     (tmp_path / "run.lvm").write_text(content, encoding="utf-8", newline="")
     with pytest.raises(InputError, match=said):
         read_run(tmp_path / "run.lvm")
+
+
+def test_lvm_file_of_each_channel_is_joined(tmp_path):
+    """The empty column of comments is not a channel."""
+    head = f"LabVIEW Measurement\nSeparator\tTab\n{END}\n\nChannels\t1\nX_Dimension\tTime\nY_Unit_Label\t"
+    channels = {"mm": RUN.displacement * 1e3, "N": RUN.force, "A": RUN.command}
+    for (unit, values), name in zip(channels.items(), ("Position", "Force", "Coil"), strict=True):
+        rows = (f"{t!r}\t{value!r}\t\n" for t, value in zip(RUN.time.tolist(), values.tolist(), strict=True))
+        text = f"{head}{unit}\n{END}\nX_Value\t{name}\tComment\n{''.join(rows)}"
+        (tmp_path / f"{name}.lvm").write_text(text, encoding="utf-8")
+    (run,) = read_runs(tmp_path)
+    assert np.array_equal(run.force, RUN.force)
+    assert np.array_equal(run.command, RUN.command)

@@ -33,11 +33,13 @@ def structures(names, rows):
     return made
 
 
-def dspace(count=3):
-    """Return a dSPACE recording: X is the time and Y contains the signals."""
+def dspace(count=3, name="Time", slow=1):
+    """Return a dSPACE recording: X are the times and Y are the signals. The current has every n-th sample."""
     fields = ("Name", "Type", "Data", "Unit", "XIndex", "Raster")
     rows = [(name, 4, values, unit, 1, "HostService") for name, (values, unit) in SIGNALS.items()]
-    x = structures(fields, [("Time", 4, TIME, "s", 0, "HostService")])
+    x = structures(fields, [(name, 4, TIME[::k], "", 0, "HostService") for k in {1: None, slow: None}])
+    if slow > 1:
+        rows[2] = (rows[2][0], 4, rows[2][2][::slow], "A", 2, "Slow")
     return {
         "X": x,
         "Y": structures(fields, rows[:count]),
@@ -77,6 +79,8 @@ def table(tmp_path, save):
     "variables",
     [
         {"rec1": dspace()},
+        {"rec1": dspace(name="")},
+        {"rec1": dspace(slow=10)},
         {"ScopeData": simulink(["displacement_mm", "force_N", "current_A"]), "tout": TIME[:, None]},
     ],
 )
@@ -91,10 +95,10 @@ def test_named_mat_signals_need_no_map(tmp_path, save, variables):
 
 def test_mat_recordings_are_read_separately(table):
     read = table(rec1=dspace(), rec2=dspace(), part="rec2")
-    assert {"Time", "displacement", "force", "current"} <= set(read.names)
+    assert {"Time [s]", "displacement", "force", "current"} <= set(read.names)
     whole = table(rec1=dspace(), rec2=dspace())
     assert (whole.title, whole.more) == ("rec1", ("rec2",))
-    assert {"Time", "displacement", "force", "current"} <= set(whole.names)
+    assert {"Time [s]", "displacement", "force", "current"} <= set(whole.names)
 
 
 def opaque(name, kind):

@@ -35,7 +35,7 @@ _START = re.compile(
 )
 _OFFSET = re.compile(r"(wf start|start|time|t) offset")
 _UNITS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "hz": 1.0, "khz": 1e3}
-_NUMBER = re.compile(r"\s*([-+]?\d+(?:\.\d*)?(?:[ed][-+]?\d+)?)\s*([a-zµ]*)\s*", re.IGNORECASE)
+_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?|(?=\.\d)\.)\d*(?:[ed][-+]?\d+)?)\s*([a-zµ]*)\s*", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)

@@ -122,6 +122,13 @@ def _table(path: TextSource, header: Header, layout: Layout, start: int, stop: i
     scaled = {name: scale for name, scale in header.scales.items() if name in table.columns}
     if len(scaled) < 2 or any((table.columns[name] % 1.0).any() for name in scaled):
         return replace(table, scales={name: factor for name, (factor, _) in scaled.items()})
+    for name, (factor, offset) in scaled.items():
+        counts = np.array([table.columns[name].min(), table.columns[name].max()])
+        # The offset may be the count of zero because the values would otherwise have one sign.
+        if np.prod(counts * factor + offset) > 0.0 and counts[0] < offset < counts[1]:
+            found = f"the offset {offset:g} of {name!r} may belong to the counts or to the values"
+            remedy = "Write the equation above the table, such as 'value = (count - offset) * factor'"
+            raise InputError(place=f"{path}", found=found, remedy=remedy)
     return _converted(table, scaled, "counts multiplied by the factors above the table")
 
 

@@ -32,6 +32,7 @@ from mrdamper.data.formats.groups import (
 )
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import FileOptions, Layout, Table, as_text
+from mrdamper.data.words.headers import speaks_of
 from mrdamper.quantities import roles_of_unit
 
 OF_COLUMNS = re.compile(r"column|channel|name|label|header|field|items", re.IGNORECASE)
@@ -100,7 +101,9 @@ class _Variables:
     def _collect_fields(
         self, path: tuple[str, ...], value: Mapping[str, Any], outer: Mapping[str, object]
     ) -> None:
-        fields = {str(name): inner for name, inner in value.items() if not str(name).startswith("__")}
+        fields = _signals_by_axis(
+            {str(k): inner for k, inner in value.items() if not f"{k}".startswith("__")}
+        )
         own = {name: one for name, inner in fields.items() if (one := _single(inner)) is not None}
         own |= _sampling_of(fields)
         settings = {name: inner for name, inner in outer.items() if name not in UNIT_NAMES} | own
@@ -171,6 +174,37 @@ def _find_signal(
     if long[field] != max(shapes[field]) or len(columns) > 1:
         return None
     return name, field, next((said[key] for key in ("unit", "units") if key in said), ""), time
+
+
+def _signals_by_axis(fields: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return dSPACE's fields with a structure for each time axis ``X``: its times, and its signals ``Y``.
+
+    The ``XIndex`` of a signal is the number of its axis. The name of an axis may be empty.
+    """
+    axes, signals = (_elements(fields.get(key)) for key in "XY")
+    if not all(isinstance(each, Mapping) and _is_numbers(each.get("Data")) for each in (*axes, *signals)):
+        return fields
+    # SciPy returns an empty text as an empty array.
+    titles, units = (
+        [f"{each[key]}" if np.size(each.get(key, ())) and each[key] else default for each in axes]
+        for key, default in (("Name", "time"), ("Unit", "s"))
+    )
+    indices = [int(_single(each.get("XIndex")) or 0) if len(axes) > 1 else 1 for each in signals]
+    if not (all(speaks_of(title, "time") for title in titles) and {*indices} <= {*range(1, len(axes) + 1)}):
+        return fields
+    by_axis = {
+        f"X({k})": {
+            f"{titles[k - 1]} [{units[k - 1]}]": axis["Data"],
+            **{f"Y({n})": each for n, each in enumerate(signals, 1) if indices[n - 1] == k},
+        }
+        for k, axis in enumerate(axes, 1)
+    }
+    return {name: inner for name, inner in fields.items() if name not in {"X", "Y"}} | by_axis
+
+
+def _elements(value: Any) -> list[Any]:  # noqa: ANN401 - any value
+    """Return the elements of a list or of MATLAB's array of structures, else a list of the value alone."""
+    return [*value.flat] if isinstance(value, np.ndarray) else value if isinstance(value, list) else [value]
 
 
 def _sampling_of(fields: Mapping[str, Any]) -> dict[str, object]:

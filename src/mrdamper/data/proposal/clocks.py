@@ -42,6 +42,8 @@ _EPOCHS = (
     ),
     *(("d", first, first + 47_481, 1 / DAY_S) for first in (25_569, 719_529)),  # days of Excel and of MATLAB
 )
+# A line may have several entries: "NPTS = 1500, DT = 5.0D-03 SEC".
+_ENTRIES = re.compile(r"([^\W\d][^:=,;]*?)\s*[:=]\s*([^:=]*?)\s*(?=[,;]?\s[^\W\d][^:=,;\d]*[:=]|[,;]?$)")
 _STEP_MIN_S, _STEP_MAX_S = 5e-4, 0.05  # A longer time step may show that the assumed unit is too large.
 MEASURED = frozenset({"displacement", "force", "velocity"})
 """Roles that are not extrapolated. Values of other roles hold one step before and after their samples."""
@@ -204,8 +206,7 @@ def stated_step(table: Table, chosen: ChannelMap, place: str) -> tuple[float | N
     rates = _rates_of(table, rates_in([Path(place).stem.replace("_", " ")]))
     if rates:
         return (1.0 / rates[0] if len(rates) == 1 else None), rates
-    entries = [re.split(r"\s*[:=]\s*", line, maxsplit=1) for line in table.said]
-    stated = stated_sampling({entry[0]: entry[1] for entry in entries if len(entry) == 2})
+    stated = stated_sampling({name: value for line in table.said for name, value in _ENTRIES.findall(line)})
     return (stated.step_s if stated is not None and stated.is_plausible else None), ()
 
 

@@ -16,12 +16,13 @@ from mrdamper.data.words.headers import (
     begins_with_symbol,
     candidates,
     has_word,
+    is_per_cent,
     legend_in,
     parse_header,
     speaks_of,
     word_and_unit,
 )
-from mrdamper.data.words.labels import rates_in, scales_in
+from mrdamper.data.words.labels import ranges_in, rates_in, scales_in
 from mrdamper.data.words.signs import signs_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit, spell_unit, to_si
@@ -132,13 +133,15 @@ def explained(table: Table, notes: Sequence[str], chosen: ChannelMap, file: str)
             if same and to_si(1.0, header.unit, role) not in same.values():
                 other_units[header.name] = next(iter(same))
     is_raw = any("voltage" in each.of_unit for each in headers)
+    in_per_cent = any(is_per_cent(each.name) for each in headers)
     own_rates = [*rates_in(table.said)] + ([1.0 / table.step_s] if table.step_s else [])
     rates = [line for line in notes if rates_in([line])]
     # The sampling rate of the file and the rate in a document agree within 1 %.
     if any(abs(rate / own - 1.0) < 0.01 for rate in rates_in(rates) for own in own_rates):
         rates = []
     dates = [line for line in notes if date_in([line])]
-    said = [*table.said, *rates, *(line for line in notes if is_raw and scales_in(line))]
+    scales = [line for line in notes if (is_raw and scales_in(line)) or (in_per_cent and ranges_in(line))]
+    said = [*table.said, *rates, *scales]
     said += [] if signs_in(table.said) else [line for line in notes if signs_in([line])]
     said += dates if date_in(dates) and not date_in(table.said) else []
     remarks += (f"units from a document: {', '.join(units)}",) if units else ()

@@ -10,6 +10,7 @@ import bz2
 import glob
 import gzip
 import lzma
+import re
 import shutil
 import tarfile
 import zipfile
@@ -132,8 +133,9 @@ def _is_packed(head: bytes) -> bool:
 
 
 def own_name(file: Path) -> str:
-    """Return the name of a file without suffix. In "test.001", 001 is not a suffix."""
-    return file.name if file.suffix[1:].isdecimal() else file.stem
+    """Return the name of a file without suffix. In "test.001" and "TEST.R01", the number is not a suffix."""
+    is_number = re.fullmatch(r"\.[A-Za-z]?\d+", file.suffix) and file.suffix.lower() not in format_suffixes()
+    return file.name if is_number else file.stem
 
 
 def is_small_file(path: Path) -> bool:

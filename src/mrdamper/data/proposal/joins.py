@@ -121,7 +121,8 @@ def _channel_of(table: Table, chosen: ChannelMap, path: Path) -> _ChannelFile:
     """
     headers = [header_of(table, name) for name in table.columns]
     times = [each for each in headers if "time" in each.of_unit]
-    (channel,) = [each for each in headers if each not in times and not is_counter(table.columns[each.name])]
+    others = [each for each in headers if each not in times and np.isfinite(table.columns[each.name]).any()]
+    (channel,) = [each for each in others if not is_counter(table.columns[each.name])]
     if times:
         own = to_si(table.columns[times[0].name], times[0].unit, "time")
     else:

@@ -254,7 +254,7 @@ def scaled_column(role: str, table: Table, headers: Sequence[Header]) -> Column 
         if len(meant) != 1:
             continue
         stated = table.units.get(meant[0].name, "") or unit_in_brackets(meant[0].name)
-        share = is_per_cent(stated) and line != meant[0].name
+        share = is_per_cent(stated or meant[0].name) and line != meant[0].name
         for number, unit in ranges_in(line) if share else scales_in(line):
             if role in roles_of_unit(unit):
                 gain = number * float(to_si(1.0, unit, role))

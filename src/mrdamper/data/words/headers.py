@@ -180,7 +180,7 @@ def is_command_share(name: str, unit: str) -> bool:
 
 def is_per_cent(text: str) -> bool:
     """Return True if a header, a line or a unit ends with per cent."""
-    return _PER_CENT.search(text) is not None
+    return _PER_CENT.search(text.replace("_", " ")) is not None
 
 
 def are_all_per_cent(line: str) -> bool:

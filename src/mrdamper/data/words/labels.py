@@ -79,6 +79,10 @@ _SCALE_OF_ONE = re.compile(
     rf"(?<![\d.,])1\s*V\s*(?:=|≙|->|:)\s*({_NUMBER})\s*([^\W\d_]{{1,3}}(?:/s)?)(?![\w/])"
 )
 _RANGE_WORDS = r"range|full.?scale|\bf\.?s\b|100 ?%|bereich|endwert|plage|rango|量程"
+# In "10 to 60 mm", the number with the unit is not the span of the range.
+_FROM_TO = re.compile(
+    rf"[1-9][\d.,]*\s*(?:k?N|[cm]?m)?\s*(?:-|–|\.\.+|to|bis)\s*\+?\s*{_NUMBER}\s*(?:k?N|[cm]?m)\b"
+)
 _RANGE_OF = re.compile(rf"(?<![\w.,])({_NUMBER})\s*(m?A|m?V|k?N|[cm]?m|[cm]?m/s)(?![\w/])", re.IGNORECASE)
 
 
@@ -194,7 +198,7 @@ def span_in(line: str) -> tuple[str, float, float, str, str] | None:
 
 def ranges_in(line: str) -> tuple[tuple[float, str], ...]:
     """Return the ranges in a line as (number, unit), such as ``Range force: 5 kN`` or ``100 % = 2 A``."""
-    if (span := span_in(line)) is not None and span[2] != 0.0:
+    if _FROM_TO.search(line) or ((span := span_in(line)) is not None and span[2] != 0.0):
         return ()
     found = _RANGE_OF.findall(line) if re.search(_RANGE_WORDS, line, re.IGNORECASE) else []
     return tuple((_to_float(number), unit) for number, unit in found)
@@ -226,7 +230,7 @@ _RATE = re.compile(
 _INTERVAL = re.compile(
     r"(?:delta_?x|sampl\w*[ _]?(?:interval|period|time)|x_?incr\w*|increment|\bdt\b|\bdx\b"
     r"|abtast\w*(?:intervall|zeit))"
-    rf"\W*(?:\(?(ms|us|s)\)?)?\W+({_NUMBER})\s*(ms|us|µs|s)?\b",
+    rf"\W*(?:\(?(ms|us|s)\)?)?\W+(?<![.,])({_NUMBER})\s*(?:(ms|us|µs|s)(?:ec(?:onds?)?)?)?\b",
     re.IGNORECASE,
 )
 _IN_SECONDS = re.compile(r"horizontal units?\W+s(ec\w*)?\W*$", re.IGNORECASE)
@@ -249,7 +253,7 @@ def rates_in(lines: Iterable[str]) -> tuple[float, ...]:
             step = _to_float(interval[2]) * _SECONDS.get(unit.lower(), 0.0)
             if step > 0.0:
                 rates[float(f"{1.0 / step:.9g}")] = None
-        elif _SAMPLING.search(line):
+        if _SAMPLING.search(line):
             for number, kilo, thousand, other in _RATE.findall(line):
                 value = _to_float(number or other) * (1e3 if kilo or thousand else 1.0)
                 if value > 0.0:

@@ -278,7 +278,9 @@ def _apply_legend(
         text = legend.get(_key(name)) or legend.get(_key(word)) or (row[1] if row else "")
         units = [unit] if unit else [cell for cell in row[2:] if roles_of_unit(cell)]
         with_its_unit = f"{text} [{units[0]}]" if len(units) == 1 and not word_and_unit(text)[1] else text
-        meant.append(with_its_unit if text[:1].isalpha() else "")  # "Stroke: 25 mm" is a value.
+        # "Stroke: 25 mm" is a value. "force_pct: per cent of range" and "coil_A: amperes" name no quantity.
+        is_meaning = text[:1].isalpha() and (names_quantity(text) or not (unit or names_quantity(name)))
+        meant.append(with_its_unit if is_meaning else "")
     if sum(map(bool, meant)) <= len(names) // 2:
         meant = [text if is_opaque else "" for text, is_opaque in zip(meant, opaque, strict=True)]
         meant = meant if sum(map(bool, meant)) > 1 else []

@@ -21,20 +21,29 @@ from mrdamper.quantities import QUANTITIES, is_any_unit, roles_of_unit
 _WORDS: Mapping[str, re.Pattern[str]] = {
     "name": re.compile(
         r"names?|labels?|titles?|signals?|traces?|waves?|descriptors?|descriptions?|variables?|parameters?|tags?"
-        r"|bezeichnung|kanalname|nome?|nombre|voies?|quantity|messgröße|channel|[kc]anale?|source|sinal|segnale"
-        r"|señal|nazwa|název|név|имя|наименование|канал|сигнал|名称|通道|信号|チャンネル"
+        r"|bezeichnung|kanalname|nome?|nombre|voies?|quantity|messgröße|channel|[kc]ana+le?|source|sinal|segnale"
+        r"|grandezza|grandeur|désignation|señal|magnitud|naa?mn?|nazwa|název|név|имя|наименование|канал|сигнал"
+        r"|名称|通道|信号|チャンネル|이름|채널|신호"
     ),
-    "unit": re.compile(r"units?|v?einheit(en)?|unités?|unidad(es?)?|unità|jednostk[ai]|единиц[аы]|单位|単位"),
+    "unit": re.compile(
+        r"units?|v?einheit(en)?|unités?|unidad(es?)?|unità|jednost?k[aiy]|eenheid|enhet|birim|mértékegység"
+        r"|единиц[аы]|单位|単位|단위"
+    ),
     "factor": re.compile(
-        r"fa[ck]?t(or|eur)e?|scale|scaling|gain|slope|multiplier|skalierung|steigung|coeff?icient[ei]?|mnożnik"
-        r"|množitel|szorzó|множитель|коэффициент|масштаб|系数|係数|倍率"
+        r"fa[ckt]?t(or|eur)e?|scale|scaling|gain|slope|multiplier|skalierung|steigung|coeff?icient[ei]?|guadagno"
+        r"|gain|pente|pendenza|pendiente|[eé]s?c[ah]ell?[ae]|scala|mnożnik|współczynnik|množitel|koeficient|szorzó"
+        r"|множитель|коэффициент|масштаб|系数|係数|倍率|계수|배율"
     ),
     "offset": re.compile(
-        r"offset|nullpunkt|versatz|intercept|przesunięcie|смещение|сдвиг|偏移|零点|オフセット"
+        r"offset|nullpunkt|versatz|intercept|décalage|zéro|przesunięcie|posun|смещение|сдвиг|偏移|零点|オフセット"
+        r"|오프셋"
     ),
 }
 # "physical = Gain * (reading - Zero)", "value = SLOPE * code + Y_OFFSET"
-_RAW = r"raw|roh|reading|count|code|number|adc|digit|bit|sample|lectur|brut|volt|读数|原始"
+_RAW = (
+    r"raw|roh|reading|count|code|number|adc|digit|bit|sample|lectur|brut|volt|conteggi|grezz|lettur|leitur|cuenta"
+    r"|contagem|comptage|zähl|код|отсч|读数|原始|计数"
+)
 _TERM, _LEFT = r"[^\W\d][\w ]*\w", rf"(?:.*[:;,\t])?(?:(?!{_RAW})[^=:;,\t])+="
 _CODE, _FACTOR = rf"\s*(?:\w+ )?(?:{_RAW})[\w ]*?\s*", rf"\s*(?P<factor>{_TERM})\s*"
 _SHIFT = rf"(?P<sign>[-+])\s*(?P<offset>{_TERM})\s*"
@@ -49,7 +58,10 @@ _OTHER_EQUATION = re.compile(
 )
 _OF_TIME = frozenset({"x", "h", "t", "horz", "horizontal", "time"})
 _NUMBERED = re.compile(r"\W*([^\W\d]*)[ _.#]*?(\d+)[\]\s_.:)]*(.*?)\W*")
-_CHANNEL = re.compile(r"(ch|chn|chan|channel|kanal|col|column|spalte|signal|sig|voie|canal)?", re.IGNORECASE)
+_CHANNEL = re.compile(
+    r"(ch|chn|chan|channel|[kc]ana+le?|col|column|spalte|signal|sig|voie|канал|通道|チャンネル|채널)?",
+    re.IGNORECASE,
+)
 # Igor scales the time axis of a wave by x, and its values by y: SetScale/P x 0,0.001,"s", force
 _AXIS = re.compile(r'\b([xy]) +[^\s,"]+,([^\s,"]+),"([^"]*)", *(\w+)')
 _CHANNELS = re.compile(
@@ -180,7 +192,7 @@ def _equation_in(lines: Sequence[str]) -> re.Match[str] | None:
 def _without_keyword(row: Sequence[str], line: str, count: int) -> Sequence[str]:
     """Return [keyword, value of each channel] of a line ``UNITS mm,N,A``, or [keyword, setting of time]."""
     found = _KEYWORD.fullmatch(line) if count > 1 else None
-    if found is None:
+    if found is None or None not in map(_channel_number, row):
         return row
     name, text = "name" if _CHANNELS.fullmatch(found[1]) else property_of(found[1]), found[2].strip()
     lists = (re.split(rf"\s*{sign}\s*", text) for sign in (";", "\t", ",", r"\s"))
@@ -219,14 +231,27 @@ def _by_rows(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, list[str]]]:
 
 
 def _by_channels(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, list[str]]]:
-    """Generate (property, values) from the columns of a table with one row for each channel."""
+    """Generate (property, values) from the columns of a table with one row for each channel.
+
+    If the names of the table's columns are channel numbers, the rows are in the order of these numbers.
+    """
+    order = [*map(_channel_number, rows[-1] if rows else ())]
     for k, row in enumerate(rows):
         named = {at: name for at, cell in enumerate(row) if (name := property_of(cell))}
         below = [*rows[k + 1 :]]
         end = next((n for n, other in enumerate(below) if len(other) != len(row)), len(below))
         if len({*named.values()} & {"name", "unit", "factor"}) > 1:
+            channels = {_channel_number(other[0]): other for other in below[:end]}
+            is_numbered = len(channels) == end < len(below) and {*order} <= channels.keys() - {None}
+            chosen = [channels[number] for number in order] if order and is_numbered else below[:end]
             for at, label in enumerate(row):
-                yield named.get(at, label), [other[at] for other in below[:end]]
+                yield named.get(at, label), [other[at] for other in chosen]
+
+
+def _channel_number(cell: str) -> int | None:
+    """Return the number in a name such as ``1``, ``CH1`` or ``Canale 1``, None for any other cell."""
+    found = _NUMBERED.fullmatch(cell)
+    return int(found[2]) if found and _CHANNEL.fullmatch(found[1]) and not found[3] else None
 
 
 def _by_numbers(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
