@@ -55,24 +55,8 @@ def hdf5_list(path: Path, matrix: np.ndarray) -> None:
         file["channel_names"], file["channel_units"] = [*WORDS], [*UNITS]
 
 
-def octave(path: Path, matrix: np.ndarray) -> None:
-    cells = "".join(
-        f"# name: <cell-element>\n# type: string\n# elements: 1\n# length: {len(name)}\n{name}\n\n\n"
-        for name in NAMES
-    )
-    rows = "".join(" " + " ".join(f"{value:.9g}" for value in row) + "\n" for row in matrix)
-    path.with_suffix(".txt").write_text(
-        "# Created by Octave 6.4.0, Thu Mar 14 09:12:44 2024 UTC <lab@rig>\n"
-        f"# name: data\n# type: matrix\n# rows: {len(matrix)}\n# columns: 4\n{rows}\n\n"
-        f"# name: names\n# type: cell\n# rows: 1\n# columns: 4\n{cells}\n"
-        "# name: meta\n# type: scalar struct\n# ndims: 2\n 1 1\n# length: 1\n"
-        "# name: gain\n# type: scalar\n2\n\n\n",
-        encoding="utf-8",
-    )
-
-
 WRITERS: tuple[Writer, ...] = (
-    mat_cell, mat_characters, mat_structure, mat_version_4, pandas_fixed, hdf5_list, octave
+    mat_cell, mat_characters, mat_structure, mat_version_4, pandas_fixed, hdf5_list
 )  # fmt: skip
 
 

@@ -130,19 +130,6 @@ def test_force_sign_check_ignores_preload(preload, stiffness):
     )
 
 
-def test_measured_velocity_must_agree_with_displacement():
-    fields = fields_of_run(SINE, **NOISY)
-    measured = SINE.velocity(fields["time"]) * 1.01
-    run = make_run(changed=fields | {"velocity": measured})
-    assert not np.array_equal(prepare_run(run).trajectory.velocity, measured)
-    assert np.array_equal(prepare_run(run, Preparation(velocity="channel")).trajectory.velocity, measured)
-    wrong = make_run(changed=fields | {"velocity": 1.5 * measured})
-    with pytest.raises(InputError, match=r"differs from the displacement's rate by 5\d\.?\d* % rms"):
-        prepare_run(wrong, Preparation(velocity="channel"))
-    with pytest.raises(InputError, match="no velocity channel"):
-        prepare_run(make_run(SINE), Preparation(velocity="channel"))
-
-
 @given(rate=st.floats(50.0, 1500.0))
 def test_decimation_keeps_samples_and_minimum_rate(rate):
     full = prepare_run(make_run(SINE, duration=2.0, **NOISY))
@@ -159,7 +146,7 @@ def test_decimation_keeps_samples_and_minimum_rate(rate):
     "preparation",
     [
         Preparation(),
-        Preparation(cutoff_Hz=40.0, dead_band_m=1e-5, reference="mean", velocity="channel"),
+        Preparation(cutoff_Hz=40.0, dead_band_m=1e-5, reference="mean"),
         Preparation(cutoff_Hz=math.inf, from_s=1.0, to_s=2.0, force_offset_N=-3.0, thermocouple_lag_s=4.0),
     ],
 )

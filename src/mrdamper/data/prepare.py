@@ -25,9 +25,6 @@ from mrdamper.schema import NotNegative, Positive, check_ranges, read_record
 
 _PLOT_DURATION_s = 3.0  # Plotted duration of a motion without a period.
 Reference = Literal["start", "mean", "none"]
-VelocitySource = Literal["displacement", "channel"]
-
-_VELOCITY_DIFFERENCE_MAX_RATIO = 0.1  # Rms difference of measured and derived velocity / rms velocity.
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +34,6 @@ class Preparation:
     cutoff_Hz: Positive | None = None  # Smoothing of displacement; math.inf: no smoothing.
     dead_band_m: NotNegative | None = None  # Smaller reversals are noise.
     reference: Reference = "start"  # Choice of the zero of displacement.
-    velocity: VelocitySource = "displacement"  # Derivative of displacement, or the velocity channel.
     from_s: float | None = None  # First time [s] in the file's clock.
     to_s: float | None = None  # Last time [s].
     force_offset_N: float = 0.0  # Known tare, subtracted from the force.
@@ -95,7 +91,7 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     at least five times the motion's mean frequency. Noise below 0.1 % of the rms velocity is not smoothed
     (``Spectrum.cut_off``). The smoothing is a least-squares quintic spline with a knot every half period of
     the cut-off, in whole samples (``signals.smooth``): zero phase, free ends; velocity and acceleration are
-    its derivatives. A measured velocity is used only if requested and if it differs by less than 10 % rms.
+    its derivatives. A measured velocity is not used.
 
     *Dead band.* Three times the residual noise after smoothing, at least the resolution of displacement.
 
@@ -115,8 +111,8 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
 
     *Sign.* A damper dissipates power. A correlation of force and velocity below -0.05 is an error.
 
-    Raise InputError if the displacement is constant, the force has the wrong sign, too few samples remain
-    after trimming, or a velocity channel does not agree.
+    Raise InputError if the displacement is constant, the force has the wrong sign, or too few samples remain
+    after trimming.
     """
     chosen = preparation or Preparation()
     if chosen.from_s is not None or chosen.to_s is not None:
@@ -139,18 +135,14 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     x = path.displacement
     started = int(np.argmax(np.abs(x - x[0]) > 0.02 * np.ptp(x)))
     rest = displacement[: max(1, started // 2)]
-    velocity, acceleration = path.velocity, path.acceleration
-    if chosen.velocity == "channel":
-        velocity = _checked_velocity(run, sampled.velocity, path.velocity)
-        acceleration = signals.differentiate(velocity, step)
     command, temperature = run.constant_command, sampled.temperature
     if temperature is not None:
         temperature = signals.condition_temperature(temperature, step, chosen.thermocouple_lag_s)
     trajectory = Trajectory(
         step=step,
         displacement=x - _reference(chosen.reference, rest, path, dead_band),
-        velocity=velocity,
-        acceleration=acceleration,
+        velocity=path.velocity,
+        acceleration=path.acceleration,
         command=sampled.command if command is None else np.full(len(x), command),
         dead_band=dead_band,
         temperature=temperature,
@@ -250,19 +242,6 @@ def _reference(rule: Reference, rest: FloatArray, path: signals.Kinematics, dead
         if max(shares) <= 0.1:  # The run begins nearly at rest.
             return float(x[0])
     return float(np.mean(x))
-
-
-def _checked_velocity(run: RigRun, measured: FloatArray | None, derived: FloatArray) -> FloatArray:
-    if measured is None:
-        remedy = "Derive it from the displacement"
-        raise InputError(place=run.name, found="no velocity channel", remedy=remedy)
-    differs = float(np.std(measured - derived) / np.std(derived))
-    if not differs < _VELOCITY_DIFFERENCE_MAX_RATIO:
-        found = f"the velocity channel differs from the displacement's rate by {100 * differs:.3g} % rms"
-        remedy = "Check its unit, sign and delay in the channel map"
-        expected = f"less than {100 * _VELOCITY_DIFFERENCE_MAX_RATIO:g} %"
-        raise InputError(place=run.name, found=found, expected=expected, remedy=remedy)
-    return measured
 
 
 def _check_sign(run: RigRun, force: FloatArray, velocity: FloatArray) -> None:

@@ -1,17 +1,15 @@
 """Read tables from the sheets of Excel and OpenDocument workbooks (.xlsx, .xlsm, .xlsb, .xls, .ods).
 
 A workbook is a zip archive, except .xls. The unpacked content can be larger than the memory. Therefore the
-unpacked size and the number of cells are checked before the workbook is read.
+unpacked size is checked before the workbook is read.
 """
 
 from __future__ import annotations
 
-import re
 import zipfile
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import date, datetime, time, timedelta
-from functools import reduce
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
@@ -25,8 +23,6 @@ from mrdamper.errors import InputError
 
 ZIP_SIGNATURE = b"PK\x03\x04"
 WORKBOOK_SIGNATURES = (ZIP_SIGNATURE, b"\xd0\xcf\x11\xe0")  # The second one is that of .xls files.
-_PIECE_BYTES = 1 << 20
-_CELL = re.compile(rb"\br\s*=\s*[\"']([A-Za-z]{1,9})(\d{1,12})[\"']")
 
 Row = list[Any]
 
@@ -133,24 +129,3 @@ def _require_harmless(path: Path) -> None:
         if sum(member.file_size for member in members) > SETTINGS.workbook_unpacked_max_bytes:
             found = f"unpacks to more than {SETTINGS.workbook_unpacked_max_bytes >> 20} MB"
             raise InputError(place=path, found=found, remedy="Export it as CSV")
-        for name in names:
-            if name.startswith("xl/worksheets/"):
-                _require_few_cells(path, archive, name)
-
-
-def _require_few_cells(path: Path, archive: zipfile.ZipFile, sheet: str) -> None:
-    """Raise InputError if a sheet has too many cells for the memory."""
-    tail, row, column = b"", 0, 0
-    with archive.open(sheet) as stream:
-        while piece := stream.read(_PIECE_BYTES):
-            for letters, digits in set(_CELL.findall(tail + piece)):
-                number = reduce(lambda total, letter: 26 * total + letter - 64, letters.upper(), 0)
-                row, column = max(row, int(digits)), max(column, number)
-            tail = piece[-40:]
-            if row * column > SETTINGS.sheet_cells_max:
-                raise InputError(
-                    place=path,
-                    found=f"{sheet} spans {row} rows and {column} columns",
-                    expected=f"at most {SETTINGS.sheet_cells_max} cells",
-                    remedy="Delete the cells far from the table, or export it as CSV",
-                )

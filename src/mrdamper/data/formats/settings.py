@@ -14,7 +14,6 @@ class ReadingSettings:
     whole_file_max_bytes: int = 1 << 28  # Larger files are not kept in memory as a whole.
     column_samples_max: int = 400_000_000  # A longer column (3.2 GB) is damaged or malicious.
     workbook_unpacked_max_bytes: int = 1 << 29
-    sheet_cells_max: int = 32_000_000  # number of cells in the used range, including empty cells
     archive_unpacked_max_bytes: int = 1 << 31
     folder_depth_max: int = 4  # levels of subfolders that are searched
 

@@ -172,14 +172,13 @@ def _preparation_rows(fitted: Identification) -> list[tuple[str, str]]:
     cut = sorted(run.cutoff_Hz for run in fitted.training)
     dead = sorted(1e6 * run.trajectory.dead_band for run in fitted.training)
     zero = {"start": "rest before the motion", "mean": "mean", "none": "as measured"}[chosen.reference]
-    smoothed = chosen.velocity == "displacement"
     offset = f"an offset of {chosen.force_offset_N:g} N was subtracted"
     rate = f"at most {fitted.problem.settings.rate_Hz:g} Hz. Errors are computed at the rate of the file"
     return [
         ("low-pass of the displacement", f"{cut[0]:.3g} to {cut[-1]:.3g} Hz, zero phase"),
         ("reversal dead band", f"{dead[0]:.3g} to {dead[-1]:.3g} µm"),
         ("zero of displacement", zero),
-        ("velocity", "from the smoothed displacement" if smoothed else "measured channel"),
+        ("velocity", "from the smoothed displacement"),
         ("force", offset if chosen.force_offset_N else "as measured"),
         ("sample rate of the fit", rate),
     ]
