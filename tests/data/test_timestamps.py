@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrdamper.data.formats.timestamps import Timestamps
+from mrdamper.data.formats.timestamps import seconds_of
 from mrdamper.data.tables import read_table
 from tests.data.rig_files import RUN, read_run
 
@@ -30,7 +30,7 @@ def spelled(seconds, form, start=START):
 
 
 def seconds(*cells):
-    return Timestamps().seconds(list(cells))
+    return seconds_of(list(cells))[0]
 
 
 @given(st.lists(st.integers(0, 40_000_000), min_size=1, max_size=30), st.integers(0, 86_399))

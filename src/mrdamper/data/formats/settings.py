@@ -11,7 +11,7 @@ class ReadingSettings:
 
     # Size of a file
     unpacked_ratio_max: int = 1032  # unpacked size / packed size; deflate cannot reach more
-    whole_file_max_bytes: int = 1 << 28  # Larger files are not kept in memory as a whole.
+    whole_file_max_bytes: int = 1 << 29  # Larger texts are rejected.
     column_samples_max: int = 400_000_000  # A longer column (3.2 GB) is damaged or malicious.
     workbook_unpacked_max_bytes: int = 1 << 29
     archive_unpacked_max_bytes: int = 1 << 31

@@ -1,17 +1,14 @@
-"""Delimited text: delimiter, decimal sign and header are detected and reported.
-
-Rows are parsed in blocks, so that a file of gigabytes needs little more memory than its numbers.
-"""
+"""Delimited text: delimiter, decimal sign and header are detected and reported."""
 
 from __future__ import annotations
 
 import io
 import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import chain, pairwise, zip_longest
+from itertools import pairwise, zip_longest
 
 import numpy as np
 
@@ -41,8 +38,15 @@ from mrdamper.data.formats.lines.header import (
 )
 from mrdamper.data.formats.lines.properties import Header
 from mrdamper.data.formats.settings import SETTINGS
-from mrdamper.data.formats.table import FileOptions, Layout, NoTableError, Table, Texts, distinct_names
-from mrdamper.data.formats.timestamps import Timestamps
+from mrdamper.data.formats.table import (
+    FileOptions,
+    Layout,
+    Moment,
+    NoTableError,
+    Table,
+    Texts,
+    distinct_names,
+)
 from mrdamper.data.words.headers import word_and_unit
 from mrdamper.data.words.labels import CONDITIONS, labels_in
 from mrdamper.errors import InputError
@@ -52,7 +56,6 @@ _COUNT = re.compile(r"sample count\s*[:=]\s*(\d+)", re.IGNORECASE)
 _SIGN_APART = re.compile(r"(?<!\S)[+-](?=\s)")
 _LONE_SIGN = re.compile(r"(^|\s)([+-])[ \t]+(?=[\d.])")
 _HEAD_BYTES = 1 << 20
-_BLOCK_BYTES = 1 << 25
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,9 +143,10 @@ def _converted(table: Table, scales: Mapping[str, tuple[float, float]], note: st
 
 
 def _content(path: TextSource) -> bytes:
-    """Return the bytes of a text, or no bytes if the text is too large to be kept in memory."""
+    """Return the bytes of a text."""
     if size_of(path) > SETTINGS.whole_file_max_bytes:
-        return b""
+        found = f"a text of more than {SETTINGS.whole_file_max_bytes >> 20} MB"
+        raise InputError(place=f"{path}", found=found, remedy="Split the file")
     with open_text_bytes(path) as stream:
         return stream.read()
 
@@ -287,26 +291,48 @@ def parse_rows(
 ) -> Table:
     """Return the columns of the rows from byte ``start`` to byte ``stop`` or the end.
 
-    A column is numeric if at least half of its filled cells in the first block are numbers. Raise InputError
-    with the line number if a numeric column has an invalid cell.
+    A column is numeric if at least half of its filled cells are numbers. Columns of times of day or dates are
+    converted to seconds. Raise InputError with the line number if a numeric column has an invalid cell.
     """
     order = distinct_names(names)
-    stamps: dict[int, Timestamps] = {}
-    blocks = list(_column_blocks(path, start, stop, layout, order, stamps)) or [[np.empty(0)] * len(order)]
-    parts = dict(zip(order, zip(*blocks, strict=True), strict=True))
-    is_numeric = {name: all(isinstance(part, np.ndarray) for part in parts[name]) for name in order}
-    numbers = {name: np.concatenate(parts[name]) for name in order if is_numeric[name]}
-    words: dict[str, Texts] = {name: [*chain(*parts[name])] for name in order if not is_numeric[name]}
-    for k in stamps:
-        _add_milliseconds(numbers, order[k], order[k + 1 : k + 2])
+    content = _content(path)[start:stop]
+    if (zero := content.find(b"\0")) >= 0:
+        line = (layout.header_lines or 0) + content[:zero].count(b"\n") + 1
+        remedy = "The file was cut off while it was written: cut the rest off, or record again"
+        raise InputError(place=f"{path}", found=f"holds zero bytes after about line {line}", remedy=remedy)
+    numbers = _parse_numbers(content, layout, order)
+    words: dict[str, Texts] = {}
+    stamps: dict[str, Moment] = {}
+    if numbers is None:
+        numbers = {}
+        text = content.decode(encoding_of(path, content))
+        cells = with_dates(cells_of_text(text, layout, len(order), (layout.header_lines or 0) + 1))
+        for name, given in zip(order, cells, strict=True):
+            column, moment = given.as_times() if given.mostly_text else (given, None)
+            if column.mostly_text:
+                words[name] = given.texts
+                continue
+            if column.bad:
+                row, cell = column.first_bad()
+                raise InputError(
+                    place=f"{path}, line {row}",
+                    found=f"column {name!r} holds {cell!r} ({column.bad} such cells)",
+                    expected=f"a {'time' if moment else 'number'}",
+                    remedy="Correct the cell, or leave it out with its row",
+                )
+            numbers[name] = column.numbers
+            stamps |= {name: moment} if moment else {}
+    units = dict.fromkeys(stamps, "s")
+    for clock in stamps:
+        _add_milliseconds(numbers, clock, order[order.index(clock) + 1 :][:1])
     return Table(
         names=tuple(name for name in order if name in numbers or name in words),
         columns=numbers,
         texts=words,
         layout=layout,
         rows=max(map(len, (numbers | words).values())),
-        units={order[k]: "s" for k in stamps},
-        stamps={order[k]: reader.first for k, reader in stamps.items() if reader.first},
+        units=units,
+        stamps=stamps,
     )
 
 
@@ -321,64 +347,8 @@ def _add_milliseconds(numbers: dict[str, FloatArray], clock: str, beside: Sequen
             numbers[clock] = numbers[clock] + 1e-3 * (numbers.pop(name) - part[0])
 
 
-def _column_blocks(
-    path: TextSource,
-    start: int,
-    stop: int,
-    layout: Layout,
-    order: Sequence[str],
-    stamps: dict[int, Timestamps],
-) -> Iterator[list[FloatArray | Texts]]:
-    """Generate the columns of each block. The first block decides if a column has numbers or texts.
-
-    An invalid cell in a column of numbers is an error. Columns of times of day or dates are converted to
-    seconds. The converter of such a column is added to ``stamps`` under the index of the column.
-    """
-    numeric: list[bool] = []
-    for content, first_line in _blocks(path, start, stop, (layout.header_lines or 0) + 1):
-        plain = None if numeric else _parse_numeric_block(content, layout, len(order))
-        if plain is not None:
-            numeric = [True] * len(plain)
-            yield plain
-            continue
-        text = content.decode(encoding_of(path, content))
-        columns = with_dates(cells_of_text(text, layout, len(order), first_line))
-        for k, column in enumerate(columns):
-            if k in stamps:
-                columns[k] = column.as_times(stamps[k])
-            elif not numeric and column.mostly_text:
-                times = column.as_times(reader := Timestamps())
-                if not times.mostly_text:
-                    columns[k], stamps[k] = times, reader
-        numeric = numeric or [not column.mostly_text for column in columns]
-        for k, column in enumerate(columns):
-            if numeric[k] and column.bad:
-                row, cell = column.first_bad()
-                raise InputError(
-                    place=f"{path}, line {row}",
-                    found=f"column {order[k]!r} holds {cell!r} ({column.bad} such cells)",
-                    expected=f"a {'time' if k in stamps else 'number'}",
-                    remedy="Correct the cell, or leave it out with its row",
-                )
-        yield [c.numbers if is_numeric else c.texts for c, is_numeric in zip(columns, numeric, strict=True)]
-
-
-def _blocks(path: TextSource, start: int, stop: int, first_line: int) -> Iterator[tuple[bytes, int]]:
-    """Generate blocks of whole lines of a file, each with the number of its first line."""
-    with open_text_bytes(path) as stream:
-        stream.seek(start)
-        while content := stream.read(min(_BLOCK_BYTES, stop - stream.tell())):
-            content += b"" if content.endswith(b"\n") else stream.readline(_BLOCK_BYTES)
-            if b"\0" in content:
-                found = f"holds zero bytes after about line {first_line}"
-                remedy = "The file was cut off while it was written: cut the rest off, or record again"
-                raise InputError(place=f"{path}", found=found, remedy=remedy)
-            yield content, first_line
-            first_line += content.count(b"\n")
-
-
-def _parse_numeric_block(content: bytes, layout: Layout, count: int) -> list[FloatArray | Texts] | None:
-    """Return the columns of a block, which NumPy parses quickly, or None if a cell is not a number."""
+def _parse_numbers(content: bytes, layout: Layout, names: Sequence[str]) -> dict[str, FloatArray] | None:
+    """Return the columns of rows, which NumPy parses quickly, or None if a cell is not a number."""
     if not content.strip() or layout.decimal == layout.delimiter:
         return None
     if layout.decimal == ",":
@@ -390,4 +360,8 @@ def _parse_numeric_block(content: bytes, layout: Layout, count: int) -> list[Flo
         columns = np.loadtxt(io.BytesIO(content), delimiter=delimiter, comments=None, ndmin=2).T
     except ValueError:
         return None
-    return [np.ascontiguousarray(column) for column in columns] if len(columns) == count else None
+    return (
+        dict(zip(names, map(np.ascontiguousarray, columns), strict=True))
+        if len(columns) == len(names)
+        else None
+    )

@@ -119,9 +119,7 @@ def days_of(text: str | None) -> tuple[float, float]:
 
 def moment_of(text: str) -> Moment | None:
     """Return the time stamp in a text (a time of day, perhaps with a date), None if it has no time of day."""
-    reader = Timestamps()
-    reader.seconds([text.strip()])
-    return reader.first
+    return seconds_of([text.strip()])[1]
 
 
 def start_in(lines: Iterable[str]) -> Moment | None:
@@ -146,65 +144,45 @@ def date_in(texts: Iterable[str]) -> tuple[float, float] | None:
     return found.pop() if len(found) == 1 else None
 
 
-class Timestamps:
-    """Converter of one column to seconds, for successive parts of the column.
+def seconds_of(cells: Texts) -> tuple[FloatArray, Moment | None]:
+    """Return the time [s] of each cell since the first time stamp of a column, and this time stamp.
 
-    ``first`` is the time stamp of the first valid cell.
+    The time is NaN if a cell is not a time.
     """
+    found = [_groups_of(cell) if cell else None for cell in cells]
+    of_day = np.array([math.nan if each is None else _seconds_of_day(each) for each in found])
+    dates = [each[0] if each else None for each in found]
+    days, reading = _days(dates, of_day)
+    valid = np.flatnonzero(np.isfinite(of_day) & np.isfinite(days))
+    if not len(valid):
+        return np.full(len(cells), math.nan), None
+    k = int(valid[0])
+    day = days_of(dates[k])
+    has_date = not math.isnan(day[0])
+    readings = day if reading is None else (day[reading],) * 2
+    first, second = (DAY_S * (each if has_date else 0.0) + float(of_day[k]) for each in readings)
+    is_utc = any((found[k] or ())[6:8])
+    seconds = DAY_S * (days - days[k]) + (of_day - of_day[k])
+    return seconds, Moment(first, second, has_date=has_date, is_utc=is_utc)
 
-    def __init__(self) -> None:
-        self.first: Moment | None = None
-        self._start = 0, 0.0  # First time: day, and seconds of this day.
-        self._last_s, self._midnights = -np.inf, 0
-        self._reading: int | None = None  # The reading of the dates: 0 is day first, 1 is month first.
-        self._only = ""  # If no date shows the order of day and month, all rows must have this date.
 
-    def seconds(self, cells: Texts) -> FloatArray:
-        """Return the time [s] since the first time stamp of the column, NaN if a cell is not a time.
+def _days(dates: Texts, of_day: FloatArray) -> tuple[FloatArray, int | None]:
+    """Return the day number of each cell, and the reading of the dates (None: unclear).
 
-        ``cells`` is the next part of the column.
-        """
-        found = [_groups_of(cell) if cell else None for cell in cells]
-        of_day = np.array([math.nan if each is None else _seconds_of_day(each) for each in found])
-        dates = [each[0] if each else None for each in found]
-        days = self._days(dates, of_day)
-        there = np.flatnonzero(np.isfinite(of_day) & np.isfinite(days))
-        if self.first is None and len(there):
-            k = int(there[0])
-            self._start = int(days[k]), float(of_day[k])
-            day = days_of(dates[k])
-            readings = day if self._reading is None else (day[self._reading],) * 2
-            has_date = not math.isnan(day[0])
-            first, second = (DAY_S * (each if has_date else 0.0) + float(of_day[k]) for each in readings)
-            is_utc = any((found[k] or ())[6:8])
-            self.first = Moment(first, second, has_date=has_date, is_utc=is_utc)
-        first_day, first_s = self._start
-        return np.asarray(DAY_S * (days - first_day) + (of_day - first_s), dtype=np.float64)
-
-    def _days(self, dates: Texts, of_day: FloatArray) -> FloatArray:
-        """Return the day number of each cell. Without dates, it is the number of midnights passed."""
-        found = dict.fromkeys(dates)
-        if not found.keys() - {None}:
-            there = np.flatnonzero(np.isfinite(of_day))
-            days = np.zeros(len(of_day))
-            if len(there):
-                steps = np.diff(of_day[there], prepend=self._last_s)
-                days[there] = self._midnights + np.cumsum(steps < -0.5 * DAY_S)
-                self._last_s, self._midnights = float(of_day[there[-1]]), int(days[there[-1]])
-            return days
-        read = {text: days_of(text) for text in found if text}
-        if self._reading is None and not self._only:
-            self._reading = _reading_of([text for text in read if not math.isnan(read[text][0])])
-            # A date whose year has two digits is unclear as well.
-            unclear = [
-                text for text, (day, _) in read.items() if not (math.isnan(day) and re.search(r"\d{4}", text))
-            ]
-            self._only = "" if self._reading is not None else next(iter(unclear), "")
-        day_of: dict[str | None, float] = {
-            text: (float(text == self._only) or math.nan) if self._reading is None else days[self._reading]
-            for text, days in read.items()
-        }
-        return np.array([day_of.get(text, math.nan) for text in dates])
+    Without dates, the day number is the number of midnights passed. If the reading is unclear, all cells must
+    have the same date.
+    """
+    read = {text: days_of(text) for text in dates if text}
+    if not read:
+        days, valid = np.zeros(len(of_day)), np.isfinite(of_day)
+        days[valid] = np.cumsum(np.diff(of_day[valid], prepend=-np.inf) < -0.5 * DAY_S)
+        return days, None
+    reading = _reading_of([text for text, (day, _) in read.items() if not math.isnan(day)])
+    if reading is not None:
+        return np.array([read[text][reading] if text else math.nan for text in dates]), reading
+    # A date whose year has two digits is unclear as well.
+    unclear = [text for text, (day, _) in read.items() if not (math.isnan(day) and re.search(r"\d{4}", text))]
+    return np.where([bool(text) and text in unclear[:1] for text in dates], 1.0, math.nan), None
 
 
 def _reading_of(dates: Iterable[str]) -> int | None:

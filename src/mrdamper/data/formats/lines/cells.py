@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.table import MISSING_MARKS, Layout, Texts
-from mrdamper.data.formats.timestamps import Timestamps, days_of, moment_of
+from mrdamper.data.formats.table import MISSING_MARKS, Layout, Moment, Texts
+from mrdamper.data.formats.timestamps import days_of, moment_of, seconds_of
 
 _AROUND = ' \t"'  # Blanks and quotation marks around a cell are not part of its text.
 _MISSING = frozenset({"", *MISSING_MARKS})
@@ -82,10 +82,11 @@ class Cells:
         texts: Texts = [time and f"{date} {time}" for date, time in zip(dates, self.texts, strict=True)]
         return Cells(texts, [None] * len(texts), self._lines)
 
-    def as_times(self, reader: Timestamps) -> Cells:
-        """Convert the cells to seconds, NaN for a cell that is no time of day or date."""
-        seconds = reader.seconds(self.texts).tolist()
-        return Cells(self.texts, [None if math.isnan(each) else each for each in seconds], self._lines)
+    def as_times(self) -> tuple[Cells, Moment | None]:
+        """Convert the cells to seconds from the first time stamp; NaN for a cell that is no time."""
+        seconds, first = seconds_of(self.texts)
+        numbers = [None if math.isnan(each) else each for each in seconds.tolist()]
+        return Cells(self.texts, numbers, self._lines), first
 
 
 def with_dates(columns: Sequence[Cells]) -> list[Cells]:
