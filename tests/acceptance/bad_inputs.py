@@ -339,7 +339,9 @@ CASES: tuple[Case, ...] = (
     Case("device", lambda folder: identify("/dev/zero"), r"/dev/zero: is a pipe or a device"),
     Case("gigabytes of zeros", sparse(b"", "bad.csv"), r"bad\.csv: not a format that is read here"),
     Case("a run, then gigabytes of zeros", sparse(GOOD.encode(), "bad.csv"), r"a text of more than 512 MB"),
-    Case("a run, then zeros", sparse(GOOD.encode(), "bad.csv", 1 << 20), r"holds zero bytes after about line"),
+    Case(
+        "a run, then zeros", sparse(GOOD.encode(), "bad.csv", 1 << 20), r"holds zero bytes after about line"
+    ),
     Case("same name twice", twins, r"run name 'run' is used more than once"),
     # Encodings
     Case("UTF-16", raw(GOOD.encode("utf-16") + b"\0"), r"the text is UTF-16 and damaged"),

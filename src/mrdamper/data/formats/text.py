@@ -23,7 +23,6 @@ from mrdamper.data.formats.lines.encodings import (
     TextSource,
     encoding_of,
     open_text_bytes,
-    size_of,
     utf16_of,
 )
 from mrdamper.data.formats.lines.header import (
@@ -52,7 +51,6 @@ from mrdamper.data.words.labels import CONDITIONS, labels_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import spell_unit
 
-_COUNT = re.compile(r"sample count\s*[:=]\s*(\d+)", re.IGNORECASE)
 _SIGN_APART = re.compile(r"(?<!\S)[+-](?=\s)")
 _LONE_SIGN = re.compile(r"(^|\s)([+-])[ \t]+(?=[\d.])")
 _HEAD_BYTES = 1 << 20
@@ -110,13 +108,6 @@ def _table(path: TextSource, header: Header, layout: Layout, start: int, stop: i
     """Return the table of the rows from byte ``start`` to byte ``stop``, with factors of the header."""
     table = parse_rows(path, start, header.names, layout, stop)
     table = replace(table, said=header.said)
-    count = next((stated[1] for line in header.said if (stated := _COUNT.fullmatch(line))), "0")
-    if table.rows < int(count) and stop == sys.maxsize:
-        raise InputError(
-            place=f"{path}",
-            found=f"holds {table.rows} samples where its header states {count}: it was cut off",
-            remedy="Copy it again, or correct the number if the rest is not wanted",
-        )
     if header.sampling is not None:
         table = with_samplings(table, dict.fromkeys(table.columns, header.sampling))
     table = _converted(table, header.spans, "converted with the spans or the equation above the table")
@@ -144,9 +135,6 @@ def _converted(table: Table, scales: Mapping[str, tuple[float, float]], note: st
 
 def _content(path: TextSource) -> bytes:
     """Return the bytes of a text."""
-    if size_of(path) > SETTINGS.whole_file_max_bytes:
-        found = f"a text of more than {SETTINGS.whole_file_max_bytes >> 20} MB"
-        raise InputError(place=f"{path}", found=found, remedy="Split the file")
     with open_text_bytes(path) as stream:
         return stream.read()
 

@@ -65,27 +65,21 @@ class TextInMemory:
 TextSource = Path | TextInMemory
 
 
-def size_of(source: TextSource) -> int:
-    """Return the size of a text [bytes]."""
-    return len(source.content) if isinstance(source, TextInMemory) else source.stat().st_size
-
-
 def open_text_bytes(source: TextSource) -> BinaryIO:
     """Open a text for reading as bytes. UTF-16 is converted to UTF-8, and line ends of CR alone to LF.
 
-    Raise InputError if a text in UTF-16 is damaged, or if a text to convert is larger than 256 MB.
+    Raise InputError if a text in UTF-16 is damaged, or if a text is larger than 512 MB.
     """
     if isinstance(source, TextInMemory):
         return io.BytesIO(source.content)
+    if source.stat().st_size > SETTINGS.whole_file_max_bytes:
+        found = f"a text of more than {SETTINGS.whole_file_max_bytes >> 20} MB"
+        raise InputError(place=source, found=found, remedy="Split the file")
     with source.open("rb") as stream:
         head = stream.read(1 << 16)
     wide = utf16_of(head[:512])
     if not wide and (b"\n" in head or head.count(b"\r") < 2):
         return source.open("rb")
-    if size_of(source) > SETTINGS.whole_file_max_bytes:
-        size = f"more than {SETTINGS.whole_file_max_bytes >> 20} MB"
-        found = f"the text is UTF-16 or has line ends of CR, and {size}"
-        raise InputError(place=source, found=found, remedy="Save the file as UTF-8 with line ends of LF")
     try:
         content = source.read_bytes().decode(wide).encode() if wide else source.read_bytes()
     except UnicodeError as error:
