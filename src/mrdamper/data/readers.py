@@ -219,14 +219,10 @@ def _ignored_files(
 
 
 def _no_run_finding(file: UnreadableFile) -> Finding:
-    return Finding(
-        kind="no_run",
-        severity="note",
-        run=file.path.name,
-        found=f"{file.path.name} has no samples of a damper and is not read as a run",
-        effect="Only its statements about runs are used",
-        remedy="Read this file alone to see why it is not a run",
-    )
+    found = f"{file.path.name} has no samples of a damper and is not read as a run"
+    effect = "Only its statements about runs are used"
+    remedy = "Read this file alone to see why it is not a run"
+    return Finding("no_run", found, effect, remedy, severity="note", run=file.path.name)
 
 
 def _with_distinct_names(read: Sequence[tuple[Path, RigFile]], space: Path) -> list[tuple[Path, RigFile]]:

@@ -277,20 +277,14 @@ def find_missing_numbers(recording: Recording) -> Iterator[Finding]:
     """Generate findings on channels that contain NaN or infinity."""
     for role, values in channels_of(recording).items():
         bad = np.flatnonzero(~np.isfinite(values))
-        if len(bad):
-            first, last = int(bad[0]), int(bad[-1])
-            yield Finding(
-                kind="missing_numbers",
-                severity="fault",
-                channel=role,
-                size=float(len(bad)),
-                unit="samples",
-                from_s=finite_or_none(recording.time[first]),
-                to_s=finite_or_none(recording.time[last]),
-                found=f"{role} is {values[first]} at sample {first} ({len(bad)} such samples)",
-                effect="No fit can use the run: an error over such samples has no value",
-                remedy="Fill the empty cells in the source, or cut the segment out of the file",
-            )
+        if not len(bad):
+            continue
+        found = f"{role} is {values[bad[0]]} at sample {bad[0]} ({len(bad)} such samples)"
+        effect = "No fit can use the run: an error over such samples has no value"
+        remedy = "Fill the empty cells in the source, or cut the segment out of the file"
+        from_s, to_s = (finite_or_none(recording.time[k]) for k in bad[[0, -1]])
+        missing = Finding("missing_numbers", found, effect, remedy, severity="fault", channel=role)
+        yield replace(missing, size=float(len(bad)), unit="samples", from_s=from_s, to_s=to_s)
 
 
 def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
@@ -308,20 +302,14 @@ def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
             hint = f"It looks like {'degC given as K' if worst < 200.0 else f'{unit_found} given as degC'}. "
             allowed = f"{to_degC(low):.0f} to {to_degC(high):.0f} degC"
             sizes = f"{to_degC(worst):.4g} degC ({sizes[0]})", allowed
-        yield Finding(
-            kind="outliers" if few else "implausible_size",
-            severity="fault",
-            channel=role,
-            size=worst,
-            unit=unit,
-            from_s=float(recording.time[k]),
-            to_s=float(recording.time[outside[-1]]),
-            found=f"{role} is {sizes[0]} at worst, outside {sizes[1]} ({len(outside)} samples from {k} on)",
-            effect="A single such sample outweighs the rest of the run in a fit",
-            remedy="Cut the samples out of the file, or repair the sensor's wiring"
-            if few
-            else f"{hint}Check the column's unit and gain in the channel map",
-        )
+        kind = "outliers" if few else "implausible_size"
+        found = f"{role} is {sizes[0]} at worst, outside {sizes[1]} ({len(outside)} samples from {k} on)"
+        effect = "A single such sample outweighs the rest of the run in a fit"
+        remedy = f"{hint}Check the column's unit and gain in the channel map"
+        if few:
+            remedy = "Cut the samples out of the file, or repair the sensor's wiring"
+        wrong = Finding(kind, found, effect, remedy, severity="fault", channel=role, size=worst, unit=unit)
+        yield wrong.between(*recording.time[outside[[0, -1]]])
 
 
 def find_time_faults(time: FloatArray) -> Iterator[Finding]:
@@ -332,53 +320,41 @@ def find_time_faults(time: FloatArray) -> Iterator[Finding]:
     backward = np.flatnonzero(~(steps > 0.0))
     if len(backward):
         k, still = int(backward[0]), bool((steps[backward] == 0.0).all())
-        yield Finding(
-            kind="time_not_increasing",
-            severity="fault",
-            channel="time",
-            size=float(len(backward)),
-            unit="places",
-            from_s=float(time[k]),
-            to_s=float(time[backward[-1]]),
-            found=f"time does not increase at {len(backward)} places: it "
-            f"{'stands still' if still else 'goes back'}, first after sample {k} "
-            f"({time[k]:.6g} s to {time[k + 1]:.6g} s)",
-            effect="Velocity there is infinite or has the wrong sign, and the run is refused",
-            remedy="Split the file where time restarts; write more digits of time, or give rate_Hz at "
-            "[constant] of the channel map instead of the column",
+        found = (
+            f"time does not increase at {len(backward)} places: it {'stands still' if still else 'goes back'},"
+            f" first after sample {k} ({time[k]:.6g} s to {time[k + 1]:.6g} s)"
         )
+        effect = "Velocity there is infinite or has the wrong sign, and the run is refused"
+        remedy = (
+            "Split the file where time restarts; write more digits of time, or give rate_Hz at [constant] of "
+            "the channel map instead of the column"
+        )
+        wrong = Finding("time_not_increasing", found, effect, remedy, severity="fault", channel="time")
+        yield replace(wrong, size=float(len(backward)), unit="places").between(*time[backward[[0, -1]]])
         return
     median = float(np.median(steps))
     gaps = np.flatnonzero(steps > GAP_MIN_STEPS * median)
     changed = changes_of_pace(steps, len(gaps))
     if changed is not None:
         at, before, after = changed
-        yield Finding(
-            kind="mixed_sampling",
-            severity="fault",
-            channel="time",
-            size=before / after,
-            from_s=float(time[at]),
-            found=f"mixed sampling: the time step is {before:.4g} s at the start and {after:.4g} s from "
-            f"about sample {at}",
-            effect="One smoothing cannot suit both parts, and the run is refused",
-            remedy="Split the file there, or record at one rate",
+        found = (
+            f"mixed sampling: the time step is {before:.4g} s at the start and {after:.4g} s from about "
+            f"sample {at}"
         )
+        effect = "One smoothing cannot suit both parts, and the run is refused"
+        remedy = "Split the file there, or record at one rate"
+        mixed = Finding("mixed_sampling", found, effect, remedy, severity="fault", channel="time")
+        yield replace(mixed, size=before / after, from_s=float(time[at]))
     elif len(gaps):
         k = int(gaps[0])
-        yield Finding(
-            kind="gap",
-            severity="fault",
-            channel="time",
-            size=float(steps[gaps].max()),
-            unit="s",
-            from_s=float(time[k]),
-            to_s=float(time[gaps[-1] + 1]),
-            found=f"time has a gap of {steps[k]:.6g} s after sample {k}, where the usual step is "
-            f"{median:.6g} s ({len(gaps)} such places)",
-            effect="The state of the hysteresis is lost in a gap, and the run is refused",
-            remedy="Split the file at the gap, or cut it out with its cycle",
+        found = (
+            f"time has a gap of {steps[k]:.6g} s after sample {k}, where the usual step is {median:.6g} s "
+            f"({len(gaps)} such places)"
         )
+        effect = "The state of the hysteresis is lost in a gap, and the run is refused"
+        remedy = "Split the file at the gap, or cut it out with its cycle"
+        gap = Finding("gap", found, effect, remedy, severity="fault", channel="time", unit="s")
+        yield replace(gap, size=float(steps[gaps].max())).between(time[k], time[gaps[-1] + 1])
 
 
 def changes_of_pace(steps: FloatArray, gaps: int) -> tuple[int, float, float] | None:

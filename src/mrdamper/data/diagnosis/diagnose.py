@@ -63,13 +63,9 @@ def _diagnose_valid_record(recording: records.Recording, prepared: PreparedRun |
 
 def _fault_findings(error: InputError) -> list[Finding]:
     """Return one finding for each fault in the error of a rejected run."""
+    faults = error.faults or (error,)
+    words = [f"{each.found}; expected {each.expected}" if each.expected else each.found for each in faults]
     return [
-        Finding(
-            kind="refused",
-            severity="fault",
-            found=f"{fault.found}; expected {fault.expected}" if fault.expected else fault.found,
-            effect="The run is refused",
-            remedy=fault.remedy,
-        )
-        for fault in error.faults or (error,)
+        Finding("refused", found, "The run is refused", fault.remedy, severity="fault")
+        for found, fault in zip(words, faults, strict=True)
     ]
