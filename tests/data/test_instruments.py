@@ -182,8 +182,8 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
         )
     ),
     "per_cent_with_ranges_in_a_document": ranges_in_a_document,
-    "step_and_count": each(lambda run: fortran(run, "NPTS = 800   DT = 5.0D-03 SEC"), "TEST.R0{}"),
-    "step_after_count": each(lambda run: fortran(run, "NPTS= 800, DT= .0050 SEC")),
+    "step_and_count": each(lambda run: fortran(run, "NPTS = 400   DT = 5.0D-03 SEC"), "TEST.R0{}"),
+    "step_after_count": each(lambda run: fortran(run, "NPTS= 400, DT= .0050 SEC")),
     "list_of_names_with_commas": each(
         lambda run: (
             '"Setup","Damper, MR-7"\n"Sample rate:","200 Hz"\n"1","Stroke, rod","mm",-15.2\n'

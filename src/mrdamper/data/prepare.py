@@ -248,9 +248,7 @@ def _check_sign(run: RigRun, force: FloatArray, velocity: FloatArray) -> None:
     power = float(np.mean((force - force.mean()) * (velocity - velocity.mean())))
     spread = float(np.std(force) * np.std(velocity))
     if power < -0.05 * spread:  # The correlation is below -0.05.
-        raise InputError(
-            place=run.name,
-            found=f"force and velocity have opposite signs (correlation {power / spread:.2f})",
-            expected="extension positive and a force that resists extension positive",
-            remedy="Put `sign = -1` at [channel.force] in the channel map if the load cell counts otherwise",
-        )
+        found = f"force and velocity have opposite signs (correlation {power / spread:.2f})"
+        expected = "extension positive and a force that resists extension positive"
+        remedy = "Put `sign = -1` at [channel.force] in the channel map if the load cell counts otherwise"
+        raise InputError(place=run.name, found=found, expected=expected, remedy=remedy)

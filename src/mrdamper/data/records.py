@@ -319,10 +319,10 @@ def find_time_faults(time: FloatArray) -> Iterator[Finding]:
         return
     backward = np.flatnonzero(~(steps > 0.0))
     if len(backward):
-        k, still = int(backward[0]), bool((steps[backward] == 0.0).all())
+        k, how = int(backward[0]), "goes back" if (steps[backward] < 0.0).any() else "stands still"
         found = (
-            f"time does not increase at {len(backward)} places: it {'stands still' if still else 'goes back'},"
-            f" first after sample {k} ({time[k]:.6g} s to {time[k + 1]:.6g} s)"
+            f"time does not increase at {len(backward)} places: it {how}, first after sample {k} "
+            f"({time[k]:.6g} s to {time[k + 1]:.6g} s)"
         )
         effect = "Velocity there is infinite or has the wrong sign, and the run is refused"
         remedy = (

@@ -82,9 +82,8 @@ def read_table(path: Path, options: FileOptions | None = None) -> Table:
         table = known.read(path, options or FileOptions())
     if not table.columns or table.rows < 2:
         notes = f" ({'; '.join(table.layout.notes)})" if table.layout.notes else ""
-        raise NoTableError(
-            place=path, found=f"no columns of numbers found{notes}", expected="a header and rows of numbers"
-        )
+        found = f"no columns of numbers found{notes}"
+        raise NoTableError(place=path, found=found, expected="a header and rows of numbers")
     return table
 
 

@@ -35,9 +35,8 @@ def read_workbook(path: Path, options: FileOptions) -> Table:
     book = _open(path)
     names = list(book.sheet_names)
     if options.part and options.part not in names:
-        raise InputError(
-            place=path, found=f"no sheet {options.part!r}; the sheets are: {', '.join(map(repr, names))}"
-        )
+        sheets_found = ", ".join(map(repr, names))
+        raise InputError(place=path, found=f"no sheet {options.part!r}; the sheets are: {sheets_found}")
     found = []
     sheets: dict[str, list[str]] = {}
     for name in [options.part] if options.part else names:
@@ -51,11 +50,8 @@ def read_workbook(path: Path, options: FileOptions) -> Table:
     listing = {name for name in sheets if len({*cells[name]} & ({*names} - {name})) > 1}
     found = [each for each in found if each[0] not in listing and holds_samples(each[1], "\t")] or found
     if not found:
-        raise NoTableError(
-            place=path,
-            found=f"no sheet with rows of numbers in {', '.join(map(repr, names))}",
-            expected="one",
-        )
+        fault = f"no sheet with rows of numbers in {', '.join(map(repr, names))}"
+        raise NoTableError(place=path, found=fault, expected="one")
     name, lines, every = found[0]
     lists = {other: above for other, above in sheets.items() if other not in {each[0] for each in found}}
     more = tuple(other for other, *_ in found[1:])
@@ -123,9 +119,8 @@ def _require_harmless(path: Path) -> None:
         members = archive.infolist()
         names = {member.filename for member in members}
         if names.isdisjoint({"xl/workbook.xml", "xl/workbook.bin", "content.xml"}):
-            raise NoTableError(
-                place=path, found="is a ZIP archive without a workbook", remedy="Unpack it first"
-            )
+            found = "is a ZIP archive without a workbook"
+            raise NoTableError(place=path, found=found, remedy="Unpack it first")
         if sum(member.file_size for member in members) > SETTINGS.workbook_unpacked_max_bytes:
             found = f"unpacks to more than {SETTINGS.workbook_unpacked_max_bytes >> 20} MB"
             raise InputError(place=path, found=found, remedy="Export it as CSV")

@@ -164,12 +164,9 @@ def distinct_names(names: Sequence[str]) -> list[str]:
 def require_room(samples: int, path: Path, name: str) -> None:
     """Raise InputError if a column is too long to allocate."""
     if samples > SETTINGS.column_samples_max:
-        raise InputError(
-            place=path,
-            found=f"column {name!r} states {samples} samples",
-            expected=f"at most {SETTINGS.column_samples_max}",
-            remedy="The file is damaged, or has to be split",
-        )
+        found, remedy = f"column {name!r} states {samples} samples", "The file is damaged, or has to be split"
+        most = f"at most {SETTINGS.column_samples_max}"
+        raise InputError(place=path, found=found, expected=most, remedy=remedy)
 
 
 def require_held(samples: int, size: int, path: Path, name: str) -> None:

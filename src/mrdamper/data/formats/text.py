@@ -51,6 +51,7 @@ from mrdamper.data.words.labels import CONDITIONS, labels_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import spell_unit
 
+_COUNT = re.compile(r"\b(?:sample count|npts)\s*[:=]\s*(\d+)", re.IGNORECASE)
 _SIGN_APART = re.compile(r"(?<!\S)[+-](?=\s)")
 _LONE_SIGN = re.compile(r"(^|\s)([+-])[ \t]+(?=[\d.])")
 _HEAD_BYTES = 1 << 20
@@ -108,6 +109,11 @@ def _table(path: TextSource, header: Header, layout: Layout, start: int, stop: i
     """Return the table of the rows from byte ``start`` to byte ``stop``, with factors of the header."""
     table = parse_rows(path, start, header.names, layout, stop)
     table = replace(table, said=header.said)
+    stated_rows = [int(stated[1]) for line in header.said if (stated := _COUNT.search(line))]
+    if stop == sys.maxsize and table.rows < max(stated_rows, default=0):
+        found = f"holds {table.rows} samples where its header states {max(stated_rows)}: it was cut off"
+        remedy = "Copy it again, or correct the number if the rest is not wanted"
+        raise InputError(place=f"{path}", found=found, remedy=remedy)
     if header.sampling is not None:
         table = with_samplings(table, dict.fromkeys(table.columns, header.sampling))
     table = _converted(table, header.spans, "converted with the spans or the equation above the table")
@@ -262,9 +268,8 @@ def read_head(path: TextSource) -> Head:
     end = rb"\n|(?<!\n)\Z" if len(content) < _HEAD_BYTES else rb"\n"  # The last line may lack a \n.
     edges = [0, *(match.end() for match in re.finditer(end, content))][: SETTINGS.header_lines_max + 1]
     if edges == [0]:
-        raise InputError(
-            place=f"{path}", found=f"the first line has more than {_HEAD_BYTES} bytes", remedy="Split it"
-        )
+        found = f"the first line has more than {_HEAD_BYTES} bytes"
+        raise InputError(place=f"{path}", found=found, remedy="Split it")
     encoding = encoding_of(path, content[: edges[-1]])
     if content.startswith(b"\xef\xbb\xbf"):
         edges[0] = 3
@@ -302,12 +307,9 @@ def parse_rows(
                 continue
             if column.bad:
                 row, cell = column.first_bad()
-                raise InputError(
-                    place=f"{path}, line {row}",
-                    found=f"column {name!r} holds {cell!r} ({column.bad} such cells)",
-                    expected=f"a {'time' if moment else 'number'}",
-                    remedy="Correct the cell, or leave it out with its row",
-                )
+                found = f"column {name!r} holds {cell!r} ({column.bad} such cells)"
+                expected, remedy = "a time" if moment else "a number", "Correct the cell, or omit its row"
+                raise InputError(place=f"{path}, line {row}", found=found, expected=expected, remedy=remedy)
             numbers[name] = column.numbers
             stamps |= {name: moment} if moment else {}
     units = dict.fromkeys(stamps, "s")

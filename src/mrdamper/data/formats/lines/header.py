@@ -433,8 +433,6 @@ def refuse_two_commas(path: TextSource, lines: Sequence[str], first: int, delimi
     if len(names) < 2 or count_numbers(names) or len(fields) <= len(names):
         return
     if all(_WHOLE.fullmatch(text) for text in fields):
-        raise InputError(
-            place=f"{path}",
-            found=f"{len(names)} names and {len(fields)} fields in line {first + 1}: commas may be decimals",
-            remedy="Export with semicolons, or with decimal points",
-        )
+        line = f"{len(names)} names and {len(fields)} fields in line {first + 1}: commas may be decimals"
+        remedy = "Export with semicolons, or with decimal points"
+        raise InputError(place=f"{path}", found=line, remedy=remedy)
