@@ -303,7 +303,7 @@ def test_channels_keep_their_own_times(tmp_path, write, late_s, force_step_s):
 
 
 @pytest.mark.parametrize(
-    "write", [tdms_start, universal, hdf5_rate, labview_moments, mat, mdf], ids=lambda write: write.__name__
+    "write", [tdms_start, universal, hdf5_rate, labview_moments, mat], ids=lambda write: write.__name__
 )
 def test_short_overlap_of_channels_is_reported(tmp_path, write):
     path = tmp_path / WRITERS[write]
@@ -320,6 +320,19 @@ def test_channels_without_overlap_are_rejected(tmp_path, write):
     write(path, recording(60.0))
     with pytest.raises(InputError, match="no time in common"):
         read_run(path)
+
+
+def test_channel_covering_half_record_requires_answer(tmp_path):
+    """If one channel covers only half of the record, the user decides whether the other half is omitted."""
+    path = tmp_path / "run.mf4"
+    mdf(path, recording(2.0))
+    with pytest.raises(AskingError, match=r"time\.part=common") as fault:
+        read_run(path)
+    assert [(each.key, each.candidates) for each in fault.value.questions] == [("time.part", ("common",))]
+    assert_on_one_clock(path, 2.0, ("time.part=common",))
+    (tmp_path / "map.toml").write_text("[file]\ncommon_time = true\n", encoding="utf-8")
+    (run,) = read_run(path, tmp_path / "map.toml")
+    assert run.time[0] == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize("value", [0.02, 2.0, 25.0])

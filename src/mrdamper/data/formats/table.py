@@ -36,6 +36,7 @@ class FileOptions:
     part: str = ""  # sheet of a workbook, group of a TDMS, MDF, HDF5 or MAT file
     delimiter: str = ""
     decimal: str = ""  # "." or ","
+    common_time: bool = False  # True: use only the time span that all channels cover
 
     def __post_init__(self) -> None:
         if self.delimiter not in {"", ",", ";", "\t", "|", " "}:

@@ -60,12 +60,13 @@ def fastest_time(table: Table, names: Iterable[str]) -> str | None:
 
 
 def to_one_clock(
-    table: Table, names: Mapping[str, str], place: str
+    table: Table, names: Mapping[str, str], chosen: ChannelMap, place: str
 ) -> tuple[dict[str, FloatArray], tuple[str, ...], tuple[Finding, ...]]:
     """Return the columns at the times of the fastest clock, the roles of interpolated columns, and findings.
 
     ``names`` are the names of the columns by role, except time. If the table has several clocks, the result
-    includes ``time``. Raise InputError if the channels have no common time, or one of them has no clock.
+    includes ``time``. Raise AskingError if the channels of one recording overlap for less than 90 % of it.
+    Raise InputError if the channels have no common time, or one of them has no clock.
     """
     own = {role: table.clocks[name] for role, name in names.items() if name in table.clocks}
     columns = {role: table.columns[name] for role, name in names.items()}
@@ -80,7 +81,7 @@ def to_one_clock(
         spans[role] = float(times[clock][0]) - hold, float(times[clock][-1]) + hold
     first, last = max(begin for begin, _ in spans.values()), min(end for _, end in spans.values())
     slack = SETTINGS.clock_tolerance_steps * _step_s(times[main])
-    findings = _findings_of_common_time(spans, last - first, slack, table, place)
+    findings = _findings_of_common_time(spans, last - first, slack, table, chosen, place)
     kept = (times[main] >= first - slack) & (times[main] <= last + slack)
     found = {"time": table.columns[fastest][kept]}
     for role, values in columns.items():
@@ -114,30 +115,43 @@ def _step_s(times: FloatArray) -> float:
 
 
 def _findings_of_common_time(
-    spans: Mapping[str, tuple[float, float]], common_s: float, slack_s: float, table: Table, place: str
+    spans: Mapping[str, tuple[float, float]],
+    common_s: float,
+    slack_s: float,
+    table: Table,
+    chosen: ChannelMap,
+    place: str,
 ) -> tuple[Finding, ...]:
     """Return the finding on channels that start at different times or are partly unused.
 
-    Raise InputError if the channels have no common time.
+    Raise InputError if the channels have no common time. Raise AskingError if the common time is short and
+    the channels belong to one recording.
     """
     listed = ", ".join(f"{role} {begin:.4g} s to {end:.4g} s" for role, (begin, end) in spans.items())
     measured = [span for role, span in spans.items() if role in MEASURED]
     whole_s = max(end - begin for begin, end in measured)
     if common_s <= slack_s:
-        found = f"the channels have no time in common ({listed})"
-        remedy = "Correct the start times in the file, or export one recording by itself"
-        raise InputError(place=place, found=found, remedy=remedy)
+        raise InputError(
+            place=place,
+            found=f"the channels have no time in common ({listed})",
+            remedy="Correct the start times in the file, or export one recording by itself",
+        )
+    used = f"{common_s:.4g} s of {whole_s:.4g} s"
+    is_short = common_s < 0.9 * whole_s  # The user must confirm a shorter common time of one recording.
+    if is_short and not (table.recorded_apart or chosen.file.common_time):
+        found = f"the channels have only {used} in common ({listed})"
+        raise ask("time", "part", place, found, ("common",))
     late_s = max(begin for begin, _ in spans.values()) - min(begin for begin, _ in measured)
     # If the channels leave at most 1 % of the recording unused, nothing is reported.
     if whole_s - common_s <= 0.01 * whole_s and not (table.recorded_apart and late_s > slack_s):
         return ()
     finding = Finding(
         kind="common_time",
-        severity="warning" if common_s < 0.9 * whole_s else "note",
+        severity="warning" if is_short else "note",
         channel="time",
         size=whole_s - common_s,
         unit="s",
-        found=f"all channels have {common_s:.4g} s of {whole_s:.4g} s in common ({listed})",
+        found=f"the {used} that all channels have in common are used ({listed})",
         effect="The rest of the longer channels is not used",
         remedy="Nothing, if the start times in the file are right",
     )

@@ -1,8 +1,8 @@
 """Questions about data that a file does not contain, and the answers of the user.
 
-A question has a role, a topic (unit, column, scale, value or sampling rate), a file, and candidates
-for the answer. An answer is ``ROLE.TOPIC=VALUE``. It applies to all files (``force.unit=kN``), or to the
-files that match a pattern before it (``run_1*:current.value=0.5 A``).
+A question has a role, a topic (unit, column, scale, value, sampling rate, or part of the time), a file,
+and candidates for the answer. An answer is ``ROLE.TOPIC=VALUE``. It applies to all files (``force.unit=kN``),
+or to the files that match a pattern before it (``run_1*:current.value=0.5 A``).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from mrdamper.errors import InputError, MrdamperError
 from mrdamper.quantities import QUANTITIES, to_si
 from mrdamper.schema import unknown_name
 
-Topic = Literal["unit", "rate", "column", "scale", "value"]
+Topic = Literal["unit", "rate", "column", "scale", "value", "part"]
 _EXPECTED: Mapping[Topic, str] = {
     "unit": "a unit in the header (such as {role}_{unit}), or `unit` at [channel.{role}] in a channel map "
     "(--channels FILE): {units}",
@@ -30,6 +30,8 @@ _EXPECTED: Mapping[Topic, str] = {
     "value": "a column such as {role}_{unit}, or {role}_{unit} at [constant] in a channel map "
     "(--channels FILE)",
     "rate": "a column such as time_s, or rate_Hz at [constant] in a channel map (--channels FILE)",
+    "part": "clocks that cover the same time, the answer time.part=common, or common_time = true at [file] "
+    "in a channel map (--channels FILE)",
 }
 _ANSWER = re.compile(r"(?:(?P<files>[^=]+):)?(?P<role>[a-z]+)\.(?P<topic>[a-z]+)=(?P<value>.+)", re.DOTALL)
 _SCALED = re.compile(
@@ -134,6 +136,7 @@ def parse_answers(given: Sequence[str]) -> tuple[Answer, ...]:
 def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: PurePath) -> ChannelMap:
     """Return a channel map that includes the answers for a file."""
     channels, constant, rate = dict(chosen.channels), dict(chosen.constant), chosen.rate_Hz
+    file_options = chosen.file
     for answer in answers:
         # The pattern may match the name of the file, or the last parts of the path of the file.
         if not (
@@ -151,9 +154,14 @@ def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: PurePath) 
             channels[answer.role] = replace(channel, gain=gain, unit=unit)
         elif answer.topic == "rate":
             rate = _number(answer, "Hz")
+        elif answer.topic == "part":
+            if (answer.role, answer.value) != ("time", "common"):
+                place = f"answer {answer.role}.part={answer.value}"
+                raise InputError(place=place, found="no such part", expected="time.part=common")
+            file_options = replace(file_options, common_time=True)
         else:
             constant[answer.role] = _number(answer, QUANTITIES[answer.role].unit)
-    return replace(chosen, channels=channels, constant=constant, rate_Hz=rate)
+    return replace(chosen, channels=channels, constant=constant, rate_Hz=rate, file=file_options)
 
 
 def _number(answer: Answer, unit: str) -> float:

@@ -218,7 +218,7 @@ def _channels(
 ) -> tuple[dict[str, FloatArray], FloatArray, tuple[str, ...], tuple[Finding, ...]]:
     """Return channels by role [SI], time [s], roles that were interpolated to one clock, and findings."""
     names = {column.role: column.name for column in columns if column.role != "time"}
-    raw, interpolated, findings = to_one_clock(table, names, place)
+    raw, interpolated, findings = to_one_clock(table, names, chosen, place)
     for column in columns:
         raw.setdefault(column.role, table.columns[column.name])
     channels: dict[str, FloatArray] = {}

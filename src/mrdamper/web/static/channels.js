@@ -159,9 +159,11 @@ export function ChannelSheet({ name, others, close }) {
 		const constant = CONSTANTS.find(([, words]) => words.toLowerCase().includes(role))?.[0];
 		const named = () => columns.find((one) => one.name === value);
 		const unit = () => (value === "V" ? Object.keys(gainUnits(role))[0] : value);
+		const file = () => ({ ...entry.rest.file, common_time: value === "common" });
 		const act = {
 			column: () => take(named(), role),
 			unit: () => set(index, { unit: unit() }),
+			part: () => setRest({ file: file() }),
 			rate: () => setRest({ rate_Hz: parseFloat(value) }),
 		}[topic];
 		if (act) act();
@@ -296,6 +298,7 @@ function questionOf({ role, topic, candidates }, answered) {
 		rate: "How many samples a second?",
 		value: `What was the ${role}?`,
 		scale: `How much ${role} is one volt?`,
+		part: "Which part of the time?",
 	}[topic];
 	const one = (value) =>
 		button(value, () => answered({ role, topic }, value), "", `${words} ${value}`);
