@@ -99,7 +99,8 @@ _TABLE = (
     ),
     Quantity(
         "temperature", "T", "K", 223, 453,
-        ("temperature", "temp", "temperatur", "temperatura", "température", "температура", "温度", "온도"),
+        ("temperature", "temp", "temperatur", "temperatura", "température", "температура", "温度", "油温",
+         "온도"),
         ("K", "degC", "degF"),
     ),
 )  # fmt: skip

@@ -7,7 +7,7 @@ import io
 import json
 import tarfile
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -178,6 +178,52 @@ def sheets(folder: Path, *, listed: bool) -> None:
         write(folder, "list.csv", "".join(";".join(line) + "\n" for line in lines))
 
 
+def results_by_number(folder: Path) -> None:
+    """Write a sheet of results, whose rows have the numbers of the sheets with the samples."""
+    from openpyxl import Workbook
+
+    book = Workbook()
+    book["Sheet"].append(["Legend", "Specimen", "Coil current", "Oil temperature", "Fmax"])
+    book["Sheet"].append([None, "No.", "A", "°C", "N"])
+    for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True), 1):
+        book["Sheet"].append([None, k, current, 30, 100 * k])
+        sheet = book.create_sheet(f"Specimen {k}")
+        for row in (["Time [s]", "Stroke [mm]", "Load [N]"], *zip(*columns(run)[:3], strict=True)):
+            sheet.append([*row])
+    book.save(folder / "day.xlsx")
+
+
+def channel_files_with_steps(folder: Path) -> None:
+    """Write a file for each channel with its own time step; the temperature has three samples."""
+    for k, run in enumerate(RUNS):
+        _, *values = columns(run)
+        for name, unit, step, own in zip(
+            ("Weg", "Kraft", "Strom", "Temp"),
+            ("mm", "N", "A", "°C"),
+            ("0,005", "0,005", "0,01", "1"),
+            (*values[:2], values[2][::2], np.full(3, 30.0)),
+            strict=True,
+        ):
+            head = (
+                f"Kanal: {name}\ny-Einheit: {unit}\nx-Einheit: s\nx0: 0\ndx: {step}\nAnzahl Werte: {len(own)}"
+            )
+            write(folder, f"Versuch_{k}/{name}.asc", f"{head}\n\n{table(own).replace('.', ',')}")
+
+
+def filtered_and_driven(folder: Path) -> None:
+    """Write vectors without units. The document states a sampling rate, a filter, and a driver."""
+    from scipy.io import savemat
+
+    lines = (
+        *("Sampled at 200 Hz after a 50 Hz anti-aliasing filter.", "D  damper displacement (mm)"),
+        *("F  damper force (N)", "Y  voltage to the current driver (V); the driver delivers 0.5 A per volt"),
+    )
+    write(folder, "readme.txt", "\n".join(lines))
+    for k, run in enumerate(RUNS):
+        _, x, force, current = columns(run)
+        savemat(folder / f"ran{k}v.mat", {"D": x, "F": force, "Y": current / 0.5}, format="4")
+
+
 def clocked(run: RigRun, head: str, part: Callable[[float], str]) -> str:
     """Return a text with a list of channels, times in whole seconds, and blanks between sign and number."""
     channels = "CH,Signal,Range,Span\nCH1,Stroke,10V,- 50,mm\nCH2,Load,5V,+ 5000,N\nCH3,Coil,1V,+ 5,A\nData\n"
@@ -189,11 +235,12 @@ def clocked(run: RigRun, head: str, part: Callable[[float], str]) -> str:
     return channels + head + "\n".join(rows) + "\n"
 
 
-def blocks_on_a_sheet(folder: Path) -> None:
+def blocks_on_a_sheet(folder: Path, notes: Sequence[str] = ()) -> None:
     from openpyxl import Workbook
 
     book = Workbook()
     sheet = book.active
+    book.create_sheet("Notes").append(notes)
     for run, current in zip(RUNS, CURRENTS, strict=True):
         sheet.append([f"Coil current {current} A"])
         sheet.append(["Time [s]", "Stroke [mm]", "Force [N]"])
@@ -327,6 +374,7 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
     "tape": tape,
     "packed": packed,
     "mat4": mat4,
+    "rate_of_filter_and_gain_of_driver": filtered_and_driven,
     "log": each(lambda run: FULL + table(*columns(run)), "run_{}.log"),
     "other_ending": each(lambda run: FULL + table(*columns(run)), "test.{:0>3}"),
     "thousands_in_quotes": each(
@@ -423,6 +471,9 @@ WARM: dict[str, Callable[[Path], None]] = {
     ),
     "list_on_a_sheet": lambda folder: sheets(folder, listed=True),
     "list_of_sheets_in_a_file": lambda folder: sheets(folder, listed=False),
+    "results_with_numbers_of_sheets": results_by_number,
+    "entry_on_a_sheet_of_notes": lambda folder: blocks_on_a_sheet(folder, ["Oil temperature", "30 °C"]),
+    "channel_files_with_steps": channel_files_with_steps,
     "list_of_folders": runs_in_folders,
     "list_of_channel_files": listed_channel_files,
     "long_table_with_units_and_runs": long_with_unit_and_run,
@@ -439,6 +490,15 @@ def test_further_laboratory_layout_is_read(tmp_path, layout):
 def test_stated_temperature_is_read(tmp_path, layout):
     WARM[layout](tmp_path)
     assert_read(read_runs(tmp_path), warm=303.15)
+
+
+@pytest.mark.parametrize(
+    "notes",
+    [["Temperature [°C]", "30", "60"], ["The temperature rose to 60 °C"], ["Max temperature", "60 °C"]],
+)
+def test_temperature_of_unknown_run_is_not_used(tmp_path, notes):
+    blocks_on_a_sheet(tmp_path, notes)
+    assert_read(read_runs(tmp_path))
 
 
 def test_settings_file_supplies_current_of_run(tmp_path):

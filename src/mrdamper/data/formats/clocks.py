@@ -23,7 +23,7 @@ from mrdamper.data.formats.timestamps import moment_of
 LABVIEW_EPOCH_s = -2082844800.0  # 1904-01-01, which LabVIEW writes if the start is not known
 
 _STEP = re.compile(
-    r"(wf ?|x ?|time ?)?incr(ement)?|d[tx]|delta ?[tx]|((sampl\w*|scan|time) ?)?interval"
+    r"(wf ?|x ?|time ?)?incr(ement)?|(sampling )?d[tx]|delta ?[tx]|((sampl\w*|scan|time) ?)?interval"
     r"|(sampl\w*|scan|time) ?(period|step|time)|abtast(zeit|intervall|schritt)"
     r"|[xht] ?(step|resolution|interval)"
 )
@@ -71,7 +71,7 @@ def stated_sampling(settings: Mapping[str, object]) -> Sampling | None:
     """Return the start and time step that attributes state, None if they state neither a step nor a rate.
 
     A later attribute overrides an earlier attribute because the attributes of a channel follow the attributes
-    of its groups.
+    of its groups. The unit of a time axis (s or ms) does not apply to a sampling rate.
     """
     step, has_unit, offset, began = math.nan, True, 0.0, None
     for name, value in settings.items():
@@ -80,7 +80,8 @@ def stated_sampling(settings: Mapping[str, object]) -> Sampling | None:
         if _STEP.fullmatch(words) or _RATE.fullmatch(words):
             number, scale = _number(value, unit)
             if number > 0.0:
-                step = 1.0 / (number * (scale or 1.0)) if _RATE.fullmatch(words) else number * (scale or 1.0)
+                inverse = 1.0 / number / max(scale or 1.0, 1.0)
+                step = inverse if _RATE.fullmatch(words) else number * (scale or 1.0)
                 has_unit = scale is not None or words.startswith("wf ")
         elif _OFFSET.fullmatch(words):
             number, scale = _number(value, unit)

@@ -43,9 +43,7 @@ class Column:
         given = chosen.channel(self.role)
         if self.gain is None or given.gain is not None:
             return given
-        return Channel(
-            self.role, name=self.name, unit=self.unit, gain=self.gain, offset=given.offset, sign=given.sign
-        )
+        return replace(given, name=self.name, unit=self.unit, gain=self.gain)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,8 +119,7 @@ def explained(table: Table, notes: Sequence[str], chosen: ChannelMap, file: str)
     in_sentences = [each for line in sentences if re.search(r"[:=]|\bin\b", line) for each in legend_in(line)]
     for header in headers:
         meanings = _meanings(header.name, notes)
-        own = [unit for _, word, unit in legend if _means_same(word, header)]
-        own += [unit for _, unit in meanings]
+        own = [unit for _, word, unit in legend if _means_same(word, header)] + [each[1] for each in meanings]
         if not header.unit and len({*own}) == 1 and header.of_word in {"", *roles_of_unit(own[0])}:
             units[header.name] = own[0]
             if len(meanings) == 1 and not is_mapped:
@@ -132,7 +129,7 @@ def explained(table: Table, notes: Sequence[str], chosen: ChannelMap, file: str)
             same = {unit: to_si(1.0, unit, role) for unit in stated if role in roles_of_unit(unit)}
             if same and to_si(1.0, header.unit, role) not in same.values():
                 other_units[header.name] = next(iter(same))
-    is_raw = any("voltage" in each.of_unit for each in headers)
+    is_raw = any("voltage" in roles_of_unit(units.get(each.name, each.unit)) for each in headers)
     in_per_cent = any(is_per_cent(each.name) for each in headers)
     own_rates = [*rates_in(table.said)] + ([1.0 / table.step_s] if table.step_s else [])
     rates = [line for line in notes if rates_in([line])]
@@ -147,8 +144,7 @@ def explained(table: Table, notes: Sequence[str], chosen: ChannelMap, file: str)
     remarks += (f"units from a document: {', '.join(units)}",) if units else ()
     if rates and not own_rates and not any(each.of_word == "time" for each in headers):
         remarks += (f"sampling rate from a document: {rates[0].strip()!r}",)
-    if rates and table.step_s:
-        said.append(f"sampling rate: {1.0 / table.step_s:.9g} Hz")
+    said += [f"sampling rate: {1.0 / table.step_s:.9g} Hz"] if rates and table.step_s else []
     table = replace(
         table,
         layout=replace(table.layout, notes=(*table.layout.notes, *remarks)),

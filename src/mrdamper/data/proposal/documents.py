@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from mrdamper.data.formats.timestamps import date_in, start_in
 from mrdamper.data.proposal.folders import GENERIC_SUFFIXES, is_small_file, own_name
 from mrdamper.data.proposal.notation import NOTATIONS, SCRIPTS, entries_of
 from mrdamper.data.tables import decoding
-from mrdamper.data.words.headers import strip_channel
+from mrdamper.data.words.headers import speaks_of, strip_channel
 from mrdamper.data.words.labels import CONDITIONS, Place, labels_in
 from mrdamper.errors import InputError
 from mrdamper.files import MAP_SUFFIX
@@ -71,14 +72,9 @@ class Document:
     @property
     def finding(self) -> Finding:
         """Return the finding that this document states conditions of runs, such as the current."""
-        return Finding(
-            kind="index",
-            severity="note",
-            run=self.path.name,
-            found=f"states current, voltage, temperature or start of {len(self.lines)} files",
-            effect="The values are used if a file does not state its own",
-            remedy="Check these values",
-        )
+        found = f"states current, voltage, temperature or start of {len(self.lines)} files"
+        effect = "The values are used if a file does not state its own"
+        return Finding("index", found, effect, "Check these values", severity="note", run=self.path.name)
 
 
 class _Files:
@@ -154,10 +150,8 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
     suffixes = {file.suffix for file in files}
     texts: dict[Path, list[str]] = {}
     for path in (*files, *sorted(inside - {*files})):
-        try:
+        with suppress(InputError, OSError, ValueError, RecursionError):  # damaged text, JSON or workbook
             texts[path] = _lines_of(path)
-        except (InputError, OSError, ValueError, RecursionError):  # damaged text, JSON or workbook
-            continue
     sampled = {path for path in texts if any(holds_samples(texts[path], sign) for sign in DELIMITERS)}
     found = []
     for path, lines in texts.items():
@@ -218,6 +212,14 @@ def lines_by_title(tables: Sequence[Table], notes: Sequence[str]) -> dict[str, l
         about = _lines_by_file(Path(f"{sheet}.sheet"), lines, titles, is_run=False)
         for title, each in _stating(about).items():
             found.setdefault(title.stem, []).extend(each)
+    stated = [line for lines in (*(table.said for table in tables), *found.values()) for line in lines]
+    if not any(labels_in(line, "temperature") for line in stated):
+        # An entry such as "Oil temperature: 25 °C" applies to all runs of the workbook.
+        rows = (line.split("\t") for lines in tables[0].lists.values() for line in lines)
+        named = [row for row in rows if speaks_of(row[0], "temperature") and not re.search(r"\d", row[0])]
+        warm = [with_unit(line_of(row)) for row in named if sum(map(is_number, row)) < 2]
+        for title in titles:
+            found.setdefault(title.stem, []).extend(warm)
     return found
 
 
@@ -250,19 +252,16 @@ def _lines_of(path: Path) -> list[str]:
         return []
     with open_text_bytes(path) as stream:
         content = stream.read()
-    text = content.decode(encoding_of(path, content))
-    suffix = path.suffix.lower()
+    suffix, text = path.suffix.lower(), content.decode(encoding_of(path, content))
     lines = entries_of(text, suffix) if suffix in NOTATIONS else text.splitlines()
     return lines[: SETTINGS.document_lines_max]
 
 
 def _is_long_table(lines: Sequence[str]) -> bool:
     """Return True if the lines are a long table of numbers, which is not a list of runs."""
-    if len(lines) <= SETTINGS.run_list_lines_max:
-        return False
     worded = [line for line in lines if re.search(r"[^\W\d_]{2}", line)]
     is_list = any(_NUMBER_WORDS.search(line.lstrip("# ")) for line in worded)
-    return 2 * len(worded) < len(lines) and not is_list
+    return SETTINGS.run_list_lines_max < len(lines) > 2 * len(worded) and not is_list
 
 
 def _lines_by_file(
@@ -305,10 +304,11 @@ def _lines_by_file(
         is_header = len(cells) > 1 and not named and not any(is_number(cell) for cell in cells)
         if is_header and re.search(r"[^\W\d_]", line):
             units = [cell.strip("[]()") for cell in cells]
-            is_units = len(cells) == len(header) and all(not unit or is_any_unit(unit) for unit in units)
-            header = (
-                [f"{h} [{u}]" if u else h for h, u in zip(header, units, strict=True)] if is_units else cells
+            is_units = len(cells) == len(header) and all(
+                _NUMBER_WORDS.search(unit) or is_any_unit(unit) for unit in units
             )
+            both = zip(header, units, strict=False)
+            header = [f"{h} [{u}]" if u else h for h, u in both] if is_units else cells
         named = named or known.in_line(line)
         mentions += bool(named)
         is_heading = _HEADING.fullmatch(line) is not None

@@ -49,9 +49,7 @@ _NOT_SET = re.compile(
     r"|capacity|excitation|sensitiv|heater|heiz|\bpump|\bmotor|bridge|br[üu]cke|макс|номинал|предел|диапазон|最大|额定|量程",
     re.IGNORECASE,
 )
-_SUPPLY = re.compile(
-    r"supply|\bpsu\b|netzteil|alimentat(?:ion|ore)|zasilacz|zdroj|fuente|电源", re.IGNORECASE
-)
+_SUPPLY = re.compile(r"(?i)supply|\bpsu\b|netzteil|alimentat(?:ion|ore)|zasilacz|zdroj|fuente|电源")
 _SET = re.compile(
     rf"\bset\b|curr|strom|(?:coil|magnet|damper|spul|bobin).*[:=]\s*[+-]?{_NUMBER}\s?m?A\s*(?:\(.*\))?$",
     re.IGNORECASE,
@@ -68,8 +66,10 @@ CONDITIONS = ("current", "voltage", "temperature")
 DOCUMENT = "document"  # The source of a value from a document begins with this word.
 # Cyrillic units are mapped to Latin units. Any other Cyrillic letter ends a unit: "Вт" is not a volt.
 _CYRILLIC = dict.fromkeys(range(0x400, 0x500), "x") | str.maketrans("АВСм", "AVCm")
-_PER_VOLT = {"V": 1.0, "mV": 1e3}
-_SCALE = re.compile(rf"({_NUMBER})\s*([^\W\d_]{{1,3}}(?:/s)?)\s*(?:/|per)\s*(m?V)(?:olt)?s?(?![\w/])")
+_PER_VOLT = {"V": 1.0, "v": 1.0, "mV": 1e3}
+_SCALE = re.compile(
+    rf"({_NUMBER})\s*([^\W\d_]{{1,3}}(?:/s)?)\s*(?:/|per)\s*(m?V|v(?=olt))(?:olt)?s?(?![\w/])"
+)
 _SCALE_BEFORE = re.compile(rf"(?<![^\s\[(])([^\W\d_]{{1,3}}(?:/s)?)/(m?V)[\])]?[\s:=]+({_NUMBER})(?![\w/])")
 _POINT_OF_SPAN = re.compile(
     rf"(?<![\w.,])([+-]?\s?{_NUMBER})\s*(%|m?V|mA)\s*(?:=|≙|->|→|:)\s*([+-]?\s?{_NUMBER})\s*([°º]?[^\W\d_]{{1,3}}(?:/s)?)(?![\w/])"
@@ -215,9 +215,8 @@ def _may_say(place: Place, role: str) -> bool:
         return not has_word(text, "ambient") and bool(_OF_TEMPERATURE.search(text))
     # A line about a power supply states its rating, such as 24 V and 5 A, or a set current, which is used.
     is_set = role == "current" and _SET.search(text) and not labels_in(text, "voltage")
-    if _SUPPLY.search(text) and not is_set:
-        return False
-    return role == "current" or bool(_OF_COMMAND.search(text))
+    is_rating = _SUPPLY.search(text) and not is_set
+    return not is_rating and (role == "current" or bool(_OF_COMMAND.search(text)))
 
 
 _SAMPLING = re.compile(
@@ -226,6 +225,11 @@ _SAMPLING = re.compile(
 )
 _RATE = re.compile(
     rf"({_NUMBER})\s*([kкK]?)(?:Hz|HZ|hz|Гц|S/s|Sa/s|samples/s|sps)\b|\(?([kкK]?)(?:Hz|HZ|hz|Гц)\)?\W+({_NUMBER})\b"
+)
+_FILTER = r"(?i:filter\w*|low.?pass|tiefpass|cut.?off|bandwidth|grenzfrequenz)"
+_OF_FILTER = re.compile(  # "a 100 Hz anti-aliasing filter", "filtered at 100 Hz"
+    rf"{_NUMBER}\s*k?Hz[ -](?i:(?:anti|alias\w*|analog\w*|bessel|butterworth)[ -])*{_FILTER}"
+    rf"|{_FILTER}[\s:=(]+(?i:(?:at|of|with|bei|frequency)[\s:=]+)*{_NUMBER}\s*k?Hz"
 )
 _INTERVAL = re.compile(
     r"(?:delta_?x|sampl\w*[ _]?(?:interval|period|time)|x_?incr\w*|increment|\bdt\b|\bdx\b"
@@ -253,9 +257,7 @@ def rates_in(lines: Iterable[str]) -> tuple[float, ...]:
             step = _to_float(interval[2]) * _SECONDS.get(unit.lower(), 0.0)
             if step > 0.0:
                 rates[float(f"{1.0 / step:.9g}")] = None
-        if _SAMPLING.search(line):
-            for number, kilo, thousand, other in _RATE.findall(line):
-                value = _to_float(number or other) * (1e3 if kilo or thousand else 1.0)
-                if value > 0.0:
-                    rates[value] = None
-    return tuple(rates)
+        stated = _RATE.findall(_OF_FILTER.sub("", line)) if _SAMPLING.search(line) else ()
+        for number, kilo, thousand, other in stated:
+            rates[_to_float(number or other) * (1e3 if kilo or thousand else 1.0)] = None
+    return tuple(filter(None, rates))

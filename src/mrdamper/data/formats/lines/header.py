@@ -63,7 +63,7 @@ def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
     alone = [k for k in range(len(lines) - count + 1) if all(map(is_number, lines[k : k + count]))]
     last = max((k + 1 for k, line in enumerate(lines) if not is_number(line.strip() or "0")), default=0)
     if _describes_one_channel(lines[:last]) and len(lines) - last > 1:  # One channel may have few samples.
-        alone = [*alone, last]
+        alone += [k for k in range(last, len(lines)) if lines[k].strip()]
     return wanted or ("\t" if alone else ","), next(iter(alone), None)  # A text with one column.
 
 

@@ -162,9 +162,9 @@ def find_properties(
     for label, values in _settings(rows, lines):
         if len({*values}) == 1:  # The only channel of a file has no other step than the time step.
             settings.setdefault(f"sampling {label}" if count == 1 else label, values[0])
-    units_of_time = [value for label, value in settings.items() if property_of(label) == "x unit"]
-    if units_of_time:
-        settings |= {f"{label}_unit": units_of_time[0] for label in settings}
+    labels = [label for label in settings if property_of(label.removeprefix("sampling ")) == "x unit"]
+    units_of_time = [settings[label] for label in labels]
+    settings |= {f"{label}_unit": unit for unit in units_of_time[:1] for label in settings}
     units = [unit.strip("[]()") for unit in found.get("unit", [""] * len(names))]
     names = [names[0] or "time", *names[1:]] if len({*names}) == len(names) > 2 else names
     spelled = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
