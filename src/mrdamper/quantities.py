@@ -6,7 +6,6 @@ roles.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -311,7 +310,7 @@ def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
         *(AssertionError, ArithmeticError, AttributeError, LookupError, ValueError, TypeError),
     ) as error:
         raise refusal from error
-    if not (math.isfinite(zero) and math.isfinite(one) and one > zero):
+    if not 1e-13 < one - zero < 1e9:  # "Ts" is a sampling period, not 1e12 s, and "fs" a rate.
         raise refusal
     return one - zero, zero
 

@@ -27,6 +27,7 @@ from mrdamper.errors import InputError
 from mrdamper.files import parse_toml
 from mrdamper.jobs.channel_map import write_map
 from mrdamper.jobs.inputs import read_files
+from tests.data.rig_files import save_mat73
 from tests.support.campaigns import make_run
 
 CURRENTS = (0.0, 0.75, 1.5)
@@ -388,6 +389,41 @@ def legend(folder: Path) -> None:
         (folder / f"{k}.dat").write_text(head + text, encoding="utf-8")
 
 
+def periods_in_structures(folder: Path) -> None:
+    """Write a MAT v7.3 array of structures with a sampling period, explained in a document."""
+    kind = [(name, object) for name in ("Ts", "disp", "force", "current")]
+    fields = [(1.0 / 200.0, run.displacement, 1e-3 * run.force, run.command[0]) for run in RUNS]
+    save_mat73(folder / "tests.mat", {"tests": np.array(fields, dtype=kind)})
+    units = "| `disp` | stroke | m |\n| `force` | load cell | kN |\n| `current` | coil current | A |\n"
+    (folder / "README.md").write_text(f"| field | meaning | unit |\n|---|---|---|\n{units}")
+
+
+def listed_units_and_model(folder: Path) -> None:
+    """Write HDF5 groups with channels in rows, units in an attribute, and the force of a model beside."""
+    import h5py
+
+    with h5py.File(folder / "tests.h5", "w") as file:
+        for k, run in enumerate(RUNS):
+            group = file.create_group(f"sine/run_{k}")
+            group.attrs["coil_current_A"] = CURRENTS[k]
+            attributes = group.create_dataset(
+                "data", data=[run.time, 1e3 * run.displacement, run.force]
+            ).attrs
+            attributes["units"], attributes["channels"] = ["s", "mm", "N"], ["time", "displacement", "force"]
+    (folder / "bouc_wen.csv").write_text("time_s,displacement_mm,force_model_N\n" + rows(RUNS[0], sign=","))
+
+
+def numbered_channels(folder: Path) -> None:
+    """Write channels by number with a line that explains them, and a list of tests in columns of blanks."""
+    for k, run in enumerate(RUNS, 1):
+        head = "TEST NO  1\n VOIE 1 COURSE (mm)   VOIE 2 EFFORT (daN)\n TEMPS (s)    VOIE 1    VOIE 2\n"
+        lines = rows(run, (1.0, 1e3, 0.1), "   ").replace("\n", "\n ")
+        (folder / f"ESSAI0{k}.LOG").write_text(f"{head} {lines.rstrip()}\n")
+    cells = "".join(f"{k}       {number(i, comma=True)} A     40,0 °C\n" for k, i in enumerate(CURRENTS, 1))
+    text = "Essai   Courant bobine   Température\n" + cells
+    (folder / "fiche.txt").write_text(text, encoding="latin-1")
+
+
 LABORATORIES: dict[Callable[[Path], None], float | None] = {
     polish: None,
     french: 313.15,
@@ -418,6 +454,9 @@ LABORATORIES: dict[Callable[[Path], None], float | None] = {
     slow_cells: 313.15,
     slow_clock: 313.15,
     legend: 313.15,
+    periods_in_structures: None,
+    listed_units_and_model: None,
+    numbered_channels: 313.15,
 }
 
 

@@ -23,7 +23,7 @@ from mrdamper.data.formats.timestamps import moment_of
 LABVIEW_EPOCH_s = -2082844800.0  # 1904-01-01, which LabVIEW writes if the start is not known
 
 _STEP = re.compile(
-    r"(wf ?|x ?|time ?)?incr(ement)?|(sampling )?d[tx]|delta ?[tx]|((sampl\w*|scan|time) ?)?interval"
+    r"(wf ?|x ?|time ?)?incr(ement)?|(sampling )?d[tx]|ts|delta ?[tx]|((sampl\w*|scan|time) ?)?interval"
     r"|(sampl\w*|scan|time) ?(period|step|time)|abtast(zeit|intervall|schritt)"
     r"|[xht] ?(step|resolution|interval)"
 )

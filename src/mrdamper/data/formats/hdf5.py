@@ -45,7 +45,8 @@ class _DataSet:
         self.shape, self.ndim, self.size = item.shape, item.ndim, item.size
         self.dtype = item.dtype[field] if field else item.dtype
         self.settings = _settings(item)
-        named = [np.ravel(given).tolist() for key, given in item.attrs.items() if OF_COLUMNS.search(key)]
+        attributes = sorted(item.attrs.items(), key=lambda each: "unit" in each[0].lower())  # Names first.
+        named = [np.ravel(given).tolist() for key, given in attributes if OF_COLUMNS.search(key)]
         lists = [f"{each[0]}".split(",") if len(each) == 1 else each for each in named]
         self.words = [words for each in lists if not any(map(str.isdigit, words := words_in(each)))]
 

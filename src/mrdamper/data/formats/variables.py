@@ -35,7 +35,7 @@ from mrdamper.data.formats.table import FileOptions, Layout, Table, as_text
 from mrdamper.data.words.headers import speaks_of
 from mrdamper.quantities import roles_of_unit
 
-OF_COLUMNS = re.compile(r"column|channel|name|label|header|field|items", re.IGNORECASE)
+OF_COLUMNS = re.compile(r"column|channel|name|label|header|field|items|unit", re.IGNORECASE)
 _NO_SETTINGS: Mapping[str, object] = MappingProxyType({})
 
 

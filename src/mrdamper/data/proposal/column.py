@@ -86,9 +86,10 @@ def other_unit(table: Table, column: Column) -> str:
 def headers_of(table: Table) -> list[Header]:
     """Return the headers of columns that may be samples.
 
-    Times of day are omitted. Statistics are omitted if a role has several, such as a minimum and a maximum.
+    Times of day and results of models are omitted, and also statistics if a role has several of them.
     """
-    headers = [header_of(table, name) for name in table.columns if name not in table.stamps]
+    names = [name for name in table.columns if not (name in table.stamps or has_word(name, "model"))]
+    headers = [header_of(table, name) for name in names]
     results = [each for each in headers if has_word(each.word, "statistic")]
     roles = [(*each.of_unit, each.of_word) for each in results]
     return [each for each in headers if each not in results or roles.count((*each.of_unit, each.of_word)) < 2]
@@ -118,7 +119,7 @@ def explained(table: Table, notes: Sequence[str], chosen: ChannelMap, file: str)
     sentences = (line for line in notes if not re.search(r"[\t;]", line))
     in_sentences = [each for line in sentences if re.search(r"[:=]|\bin\b", line) for each in legend_in(line)]
     for header in headers:
-        meanings = _meanings(header.name, notes)
+        meanings = _meanings(header.name, [*table.said, *notes])
         own = [unit for _, word, unit in legend if _means_same(word, header)] + [each[1] for each in meanings]
         if not header.unit and len({*own}) == 1 and header.of_word in {"", *roles_of_unit(own[0])}:
             units[header.name] = own[0]
@@ -141,7 +142,7 @@ def explained(table: Table, notes: Sequence[str], chosen: ChannelMap, file: str)
     said = [*table.said, *rates, *scales]
     said += [] if signs_in(table.said) else [line for line in notes if signs_in([line])]
     said += dates if date_in(dates) and not date_in(table.said) else []
-    remarks += (f"units from a document: {', '.join(units)}",) if units else ()
+    remarks += (f"units from words: {', '.join(units)}",) if units else ()
     if rates and not own_rates and not any(each.of_word == "time" for each in headers):
         remarks += (f"sampling rate from a document: {rates[0].strip()!r}",)
     said += [f"sampling rate: {1.0 / table.step_s:.9g} Hz"] if rates and table.step_s else []
@@ -186,8 +187,11 @@ def _meanings(name: str, notes: Sequence[str]) -> list[tuple[str, str]]:
     The words must name a quantity of the unit. A line with a number, such as a range, is ignored.
     """
     form = re.compile(
-        rf"\W*{re.escape(name)}[`'\"*]*(?:\s*(?:[:=|,]|->?|\u2013)\s+|\s{{2,}}|\t\s*)([^\W\d].*)"
+        rf"\W*{re.escape(name)}[`'\"*]*(?:\s*(?:[:=|,]|->?|\u2013)\s+|\s{{2,}}|\t\s*|(?<=\w \d)\s)([^\W\d].*)"
     )
+    # A line may explain several numbered columns: "Channel 1 stroke (mm)  Channel 2 load (N)".
+    if numbered := re.fullmatch(r"(.*\w )\d", name):
+        notes = [part for line in notes for part in re.split(rf"(?=\b{re.escape(numbered[1])}\d)", line)]
     found: dict[tuple[str, str], None] = {}
     for match in filter(None, map(form.fullmatch, notes)):
         words, *others = filter(None, re.split(r"\s*[][,;|()]\s*|\s+in\s+", match[1].strip()))

@@ -382,6 +382,9 @@ def _strip_name(line: str, file: Path) -> str:
 
 def _cells(line: str) -> list[str]:
     """Return the cells of a row, split at tabs, else at the sign that gives most cells, else at blanks."""
+    apart = re.split(r"\s{2,}", line.strip())
+    if len(apart) > 1 and not re.search(r"[\t;|]|(?<!\d),|,(?!\d)", line):  # Commas are in numbers only.
+        return apart
     signs = DELIMITERS[:1] if "\t" in line else DELIMITERS[:-1]
     cells = max((split_line(line.strip(" \r\n").strip("|"), sign) for sign in signs), key=len)
-    return cells if len(cells) > 1 else re.split(r"\s{2,}", line.strip())
+    return cells if len(cells) > 1 else apart

@@ -90,7 +90,7 @@ def runs_in(
     of the runs is ``name``, or the name of the file. ``stated`` are the lines of documents about the file.
     ``notes`` are all lines of documents, which may explain columns and the sampling rate.
     """
-    tables = [explained(table, notes, chosen, file.name) for table in tables] if notes else tables
+    tables = [explained(table, notes, chosen, file.name) for table in tables]
     parts: list[tuple[list[Piece], Sequence[Column], Sequence[str]]] = []
     faults: list[InputError] = []
     tables = [
@@ -148,7 +148,7 @@ def _may_be_run(table: Table, *, is_foreign: bool) -> bool:
     # The motion may be in a column without a unit or with the unit V.
     is_unclear = any(not unit_in_brackets(each.name) or "voltage" in each.of_unit for each in samples)
     has_force = bool(candidates("force", names))
-    if is_foreign:
+    if is_foreign or any(has_word(name, "model") for name in candidates("force", table.names)):
         return bool(motions) and has_force
     return bool(motions) or (is_unclear and table.rows >= LEAST_SAMPLES and has_force)
 
@@ -157,7 +157,7 @@ def _is_other_quantity(name: str) -> bool:
     """Return True if a column is named as a quantity that no run requires, such as a frequency."""
     unit = unit_in_brackets(name)
     is_other_unit = is_any_unit(unit) and not roles_of_unit(unit) and len(unit) > 1
-    return is_other_unit or has_word(name, "other quantity")
+    return is_other_unit or has_word(name, "other")
 
 
 def _is_other_kind(table: Table, tables: Sequence[Table]) -> bool:

@@ -38,9 +38,9 @@ _ACCELERATION = re.compile("加速度|가속도")  # These words contain the wor
 _NARROW = str.maketrans("（）［］／", "()[]/")
 
 Kind = Literal[
-    "set point", "sensor output", "statistic", "filtered", "ambient", "fluid", "damper", "other quantity"
+    "set point", "sensor output", "statistic", "model", "filtered", "ambient", "fluid", "damper", "other"
 ]
-# A statistic is a result of a cycle or a run. The volts of a sensor output represent another quantity.
+# A statistic is a result of a run. The volts of a sensor output represent another quantity.
 _KINDS: Mapping[Kind, re.Pattern[str]] = {
     "set point": re.compile(
         r"\b(set|setpoint|soll\w*|cmd|command\w*|target|demand\w*|ref|reference|desired|consign\w*|zadan\w*)\b"
@@ -50,13 +50,14 @@ _KINDS: Mapping[Kind, re.Pattern[str]] = {
     "statistic": re.compile(
         r"\b(f?max|f?min|maximum|minimum|peak|mean|avg|average|rms|amplitude|mittelwert)\b"
     ),
+    "model": re.compile(r"\b(sim|simul\w*|model|modell|predict\w*)\b"),
     "filtered": re.compile(r"\b(filter\w*|filt|smooth\w*|gefiltert|gegl[äa]tt\w*|lowpass|lp)\b"),
     "ambient": re.compile(
         r"\b(amb\w*|room|air|\w*raum\w*|umgebung\w*|lab|labor\w*|(?<!controlled )chamber|halle?|hal[ay]?"
         r"|sal[al]e?|otoczeni\w*|powietrz\w*|pokoj\w*|okol\w*|vzduch\w*|környez\w*|luft\w*|ortam|oda|kamer|rumm?\w*)\b"
         r"|室温|环境|環境|комнат|воздух|окруж|помещ|실온|\b(tank|reservoir|sump|hpu|pump\w*|hydraul\w*)\b"
     ),
-    "other quantity": re.compile(
+    "other": re.compile(
         r"acceler|beschleun|freq|shear|viscos|viskos|induct|induktiv|impedan|resistan|widerstand|flux|humid"
         r"|频率|周波数|주파수"
     ),
