@@ -465,6 +465,41 @@ def test_unclear_codes_in_names_lead_to_question(tmp_path, names):
         read_runs(tmp_path)
 
 
+NUMBERS = {"pot": {"stroke_mm": 60.0, "zero_pct": 50.0}, "cell": {"tare": 8123, "counts_per_newton": 4.125}}
+STROKE = "x = (pot_pct - zero_pct)/100*stroke_mm"
+IN_TEXT = f"The position = 50 % is the middle. `{STROKE}`, `F = (hx711 - tare)/counts_per_newton`."
+
+
+def counts(folder: Path, formulas: str) -> None:
+    """Write per cent of a stroke and counts of a load cell, with their formulas and numbers in documents."""
+    for current, run in zip(CURRENTS, RUNS, strict=True):
+        raw = table(1e6 * run.time, run.displacement / 0.06 * 100.0 + 50.0, run.force * 4.125 + 8123.0)
+        write(folder, f"logs/run_{current}A.csv", "micros,pot_pct,hx711\n" + raw)
+    write(folder, "calib.json", json.dumps(NUMBERS))
+    write(folder, "README.md", formulas)
+
+
+def test_formulas_of_documents_convert_counts(tmp_path):
+    counts(tmp_path, IN_TEXT)
+    assert_read(read_runs(tmp_path))
+
+
+@pytest.mark.parametrize(
+    "formulas",
+    [
+        IN_TEXT.replace(")/counts", ")*counts"),
+        IN_TEXT.replace("/100", "/1000"),
+        IN_TEXT.replace("tare)", "offset)"),
+        f"{IN_TEXT} {STROKE.replace('zero_pct', '0')}",
+    ],
+    ids=["dimension", "literal", "unknown_number", "two_formulas"],
+)
+def test_unclear_formulas_lead_to_question(tmp_path, formulas):
+    counts(tmp_path, formulas)
+    with pytest.raises(AskingError):
+        read_runs(tmp_path)
+
+
 BYSTANDERS = {
     "calibration.csv": "mass_kg,adc_counts\n" + "".join(f"{k},{900 * k + 7}\n" for k in range(6)),
     "results.csv": "run,peak_N,energy_J\n" + "".join(f"{k},{400 * k},{3 * k}\n" for k in range(1, 12)),

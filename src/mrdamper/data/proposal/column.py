@@ -109,7 +109,7 @@ def explained(table: Table, notes: Sequence[str], chosen: ChannelMap, file: str)
     lists = {names for names in _lists_in(notes, file) if len(names) == len(order)}
     lists |= {tuple(numbered[k] for k in order)} if numbered.keys() == {*order} else set()
     is_named = len(lists) == 1 and not is_mapped and all(name.startswith("column ") for name in table.names)
-    table = _renamed(table, dict(zip(table.names, lists.pop(), strict=True))) if is_named else table
+    table = renamed(table, dict(zip(table.names, lists.pop(), strict=True))) if is_named else table
     remarks: tuple[str, ...] = (f"columns from a document: {', '.join(table.names)}",) if is_named else ()
     units: dict[str, str] = {}
     other_units: dict[str, str] = {}
@@ -154,10 +154,10 @@ def explained(table: Table, notes: Sequence[str], chosen: ChannelMap, file: str)
         said=tuple(said),
         step_s=None if rates else table.step_s,
     )
-    return _renamed(table, meant) if meant else table
+    return renamed(table, meant) if meant else table
 
 
-def _renamed(table: Table, names: Mapping[str, str]) -> Table:
+def renamed(table: Table, names: Mapping[str, str]) -> Table:
     """Return a table with other names of some columns. Repeated names are numbered."""
     order = distinct_names([names.get(name, name) for name in table.names])
     new = dict(zip(table.names, order, strict=True))

@@ -34,6 +34,7 @@ from mrdamper.data.proposal.commands import (
 )
 from mrdamper.data.proposal.documents import lines_by_title
 from mrdamper.data.proposal.folders import GENERIC_SUFFIXES, format_suffixes, own_name
+from mrdamper.data.proposal.formulas import converted
 from mrdamper.data.proposal.pieces import (
     Piece,
     cut_at_gaps,
@@ -90,7 +91,7 @@ def runs_in(
     of the runs is ``name``, or the name of the file. ``stated`` are the lines of documents about the file.
     ``notes`` are all lines of documents, which may explain columns and the sampling rate.
     """
-    tables = [explained(table, notes, chosen, file.name) for table in tables]
+    tables = [converted(explained(table, notes, chosen, file.name), notes, chosen) for table in tables]
     parts: list[tuple[list[Piece], Sequence[Column], Sequence[str]]] = []
     faults: list[InputError] = []
     tables = [
