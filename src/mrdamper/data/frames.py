@@ -130,9 +130,8 @@ def parts_of(given: Any) -> list[Any]:  # noqa: ANN401 - a path, run or frame, o
     try:
         parts = list(given)
     except TypeError as fault:
-        raise InputError(
-            place="runs", found=f"a {type(given).__name__}", expected="paths, runs, or frames with columns"
-        ) from fault
+        found, expected = f"a {type(given).__name__}", "paths, runs, or frames with columns"
+        raise InputError(place="runs", found=found, expected=expected) from fault
     return [
         Frame(f"frame_{number}", _columns_of(each)) if is_frame(each) else each
         for number, each in enumerate(parts, 1)

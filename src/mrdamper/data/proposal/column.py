@@ -111,9 +111,7 @@ def explained(table: Table, notes: Sequence[str], chosen: ChannelMap, file: str)
     is_named = len(lists) == 1 and not is_mapped and all(name.startswith("column ") for name in table.names)
     table = renamed(table, dict(zip(table.names, lists.pop(), strict=True))) if is_named else table
     remarks: tuple[str, ...] = (f"columns from a document: {', '.join(table.names)}",) if is_named else ()
-    units: dict[str, str] = {}
-    other_units: dict[str, str] = {}
-    meant: dict[str, str] = {}
+    units, other_units, meant = dict[str, str](), dict[str, str](), dict[str, str]()
     headers = [header_of(table, name) for name in table.columns]
     # A table of results in a document may have other units than the samples.
     sentences = (line for line in notes if not re.search(r"[\t;]", line))

@@ -147,13 +147,9 @@ def with_temperature(
     value = chosen.constant.get("temperature")
     label = find_label(texts, "temperature") if value is None else None
     if label is not None and (len(label.values) != 1 or label.others):
-        finding = Finding(
-            kind="contradictory_temperatures",
-            channel="temperature",
-            found=label.in_words("degC"),
-            effect="None of the temperatures is used",
-            remedy="Correct the texts, or answer temperature.value=VALUE",
-        )
+        kind, effect = "contradictory_temperatures", "None of the temperatures is used"
+        remedy = "Correct the texts, or answer temperature.value=VALUE"
+        finding = Finding(kind, label.in_words("degC"), effect, remedy, channel="temperature")
         return replace(piece, findings=(*piece.findings, finding)), told
     if label is not None:
         value = label.values[0]
@@ -172,20 +168,15 @@ def segments_of(
     if segments is None:
         return [(table, {}) for table in tables]
     rows = [[*zip(*table.texts.values(), strict=True)] for table in tables]
-    begins = [
-        [k for k, cells in enumerate(each) if any(segments.split in (cell or "") for cell in cells)]
-        for each in rows
-    ]
+    split = segments.split
+    begins = ((k for k, cells in enumerate(each) if any(split in (x or "") for x in cells)) for each in rows)
     starts = [sorted({0, *each}) for each in begins]
     count = sum(map(len, starts))
     if count != len(segments.commands):
-        found = f"{segments.split!r} splits the file into {count} tests"
-        found += f", [segments] has {len(segments.commands)}"
+        found = f"{split!r} splits the file into {count} tests, [segments] has {len(segments.commands)}"
         raise InputError(place=place, found=found, remedy="Check the events and the list")
-    maps = (
-        replace(chosen, segments=None, constant={**chosen.constant, segments.role: command})
-        for command in segments.commands
-    )
+    constants = ({**chosen.constant, segments.role: command} for command in segments.commands)
+    maps = (replace(chosen, segments=None, constant=each) for each in constants)
     return [(table, {row: next(maps) for row in rows}) for table, rows in zip(tables, starts, strict=True)]
 
 

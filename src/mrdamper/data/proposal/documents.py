@@ -164,9 +164,8 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
             if path.parent in file.parents and file != path and file.suffix in suffixes
             if file in sampled or not texts[file] or file.suffix.lower() in GENERIC_SUFFIXES
         ]
-        is_run = (path in sampled and path.suffix in suffixes) or (
-            path in files and path.suffix.lower() not in NOTATIONS
-        )
+        is_run = path in files and path.suffix.lower() not in NOTATIONS
+        is_run |= path in sampled and path.suffix in suffixes
         owners = () if is_run else _owners(path, lines, siblings, runs if {*runs} <= {*files} else ())
         stating: Mapping[Path, tuple[str, ...]] = {}
         is_list = bool(lines) and not (is_run and _is_long_table(lines))
@@ -259,9 +258,10 @@ def _lines_of(path: Path) -> list[str]:
 
 def _is_long_table(lines: Sequence[str]) -> bool:
     """Return True if the lines are a long table of numbers, which is not a list of runs."""
-    worded = [line for line in lines if re.search(r"[^\W\d_]{2}", line)]
-    is_list = any(_NUMBER_WORDS.search(line.lstrip("# ")) for line in worded)
-    return SETTINGS.run_list_lines_max < len(lines) > 2 * len(worded) and not is_list
+    if len(lines) <= SETTINGS.run_list_lines_max:
+        return False
+    worded = [line.lstrip("# ") for line in lines if re.search(r"[^\W\d_]{2}", line)]
+    return 2 * len(worded) < len(lines) and not any(map(_NUMBER_WORDS.search, worded))
 
 
 def _lines_by_file(

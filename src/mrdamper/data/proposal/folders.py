@@ -95,9 +95,8 @@ def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Pat
             inner = [file.parent, *file.parent.parents]
             around = inner[: inner.index(root) + 1]
             folders |= {folder: copy_of_root / folder.relative_to(root) for folder in around}
-    for document, copy in (
-        (each, copy / each.name) for folder, copy in folders.items() for each in folder.iterdir()
-    ):
+    copies = ((each, copy / each.name) for folder, copy in folders.items() for each in folder.iterdir())
+    for document, copy in copies:
         if is_small_file(document) and not _is_archive(document) and not copy.exists():
             with suppress(OSError):  # An unreadable document is not copied.
                 shutil.copy(document, copy)
@@ -148,9 +147,8 @@ def _members(file: Path) -> Iterator[tuple[str, IO[bytes]]]:
     opened = next((each for start, each in _COMPRESSIONS.items() if _head(file).startswith(start)), None)
     if tarfile.is_tarfile(file):
         with tarfile.open(file) as tape:
-            yield from (
-                (f"{file.name}/{each.name}", content) for each in tape if (content := tape.extractfile(each))
-            )
+            inside = ((f"{file.name}/{each.name}", tape.extractfile(each)) for each in tape)
+            yield from ((name, content) for name, content in inside if content)
     elif opened is not None:
         yield file.stem, opened.open(file)
     else:
@@ -164,15 +162,10 @@ def distinct_names(names: Sequence[str], sources: Sequence[str]) -> list[str]:
     found = list(names)
     folders = [Path(source).parent for source in sources]
     for _ in range(SETTINGS.folder_depth_max):
-        often = Counter(found)
         # A folder's name does not distinguish its own runs.
-        apart = {
-            name
-            for name in often
-            if len({folder for folder, own in zip(folders, found, strict=True) if own == name}) > 1
-        }
+        apart = Counter(name for name, _ in {*zip(found, folders, strict=True)})
         for k, name in enumerate(found):
-            if name in apart:
+            if apart[name] > 1:
                 found[k], folders[k] = f"{folders[k].name}_{name}", folders[k].parent
     return found
 
@@ -187,18 +180,12 @@ def _files_below(folder: Path, depth: int = SETTINGS.folder_depth_max) -> Iterat
     entries = sorted(each for each in folder.iterdir() if not each.name.startswith((".", "~$")))
     files = [file for file in entries if file.is_file() and file.name not in _RESULTS]
     # The endings of files with equal names may name their channels: m01.dsp, m01.frc.
-    columns = [
-        file for file in files if file.suffix.lower() not in {"", *format_suffixes()} and _is_column(file)
-    ]
+    known = {"", *format_suffixes()}
+    columns = [file for file in files if file.suffix.lower() not in known and _is_column(file)]
     often = Counter(file.stem for file in columns)
     yield from (file for file in files if (file in columns and often[file.stem] > 1) or _may_hold_runs(file))
-    for inner in entries:
-        if (
-            depth
-            and inner.is_dir()
-            and not inner.is_symlink()
-            and not any((inner / name).is_file() for name in _RESULTS)
-        ):
+    for inner in (each for each in entries if depth and each.is_dir() and not each.is_symlink()):
+        if not any((inner / name).is_file() for name in _RESULTS):
             yield from _files_below(inner, depth - 1)
 
 
@@ -229,12 +216,10 @@ def _may_hold_runs(file: Path) -> bool:
     if not formats or formats[0].read is not read_text:
         return bool(formats) or _is_packed(head) or (suffix == ".txt" and b"\0" in head)
     lines = _text(file).splitlines()
+    if is_known and (len(head) == HEAD_BYTES or find_data(lines)[1] is not None):
+        return True
     if is_known:
-        return (
-            len(head) == HEAD_BYTES
-            or find_data(lines)[1] is not None
-            or not any(line[:1].isalpha() for line in lines)
-        )
+        return not any(line[:1].isalpha() for line in lines)
     return any(holds_samples(lines, delimiter) for delimiter in DELIMITERS)
 
 

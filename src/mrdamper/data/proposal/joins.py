@@ -105,9 +105,8 @@ def _runs_of(channels: Sequence[_ChannelFile]) -> dict[str, list[_ChannelFile]]:
         for channel in channels:
             groups.setdefault(way[channel.path], []).append(channel)
         roles = {run: [each.role for each in group] for run, group in groups.items()}
-        runs = {
-            run: groups[run] for run, own in roles.items() if len({*own}) == len(own) and {*own} >= _NEEDED
-        }
+        whole = [run for run, own in roles.items() if len({*own}) == len(own) and {*own} >= _NEEDED]
+        runs = {run: groups[run] for run in whole}
         if sum(map(len, runs.values())) > sum(map(len, best.values())):
             best = runs
     return best
@@ -187,12 +186,10 @@ def join_temperature_logs(
     often = Counter(run for _, run, _ in joined)
     reasons |= {path: "another log covers the same runs" for path, run, _ in joined if often[run] > 1}
     warm = {run: kelvin for _, run, kelvin in joined if often[run] == 1}
-    numbers = count()
+    order = count()
     files = []
     for path, file in read:
-        warmed = [
-            replace(one, temperature=warm.get(next(numbers), one.temperature)) for one in file.recordings
-        ]
+        warmed = (replace(one, temperature=warm.get(next(order), one.temperature)) for one in file.recordings)
         files.append((path, replace(file, recordings=tuple(warmed))))
     used = Counter(path for path, run, _ in joined if run in warm)
     return files, {path: _finding(path, used[path], counts[path], reasons.get(path, "")) for path in counts}
@@ -271,11 +268,10 @@ def _temperature_of(run: Run, log: _Log, runs: Sequence[Run]) -> FloatArray:
 def _is_covered(time: FloatArray, log: FloatArray) -> bool:
     """Return True if a log has no gap and covers all times, except for one log step at either end."""
     step = float(np.median(np.diff(log)))
-    if not (log[0] - step <= time[0] and time[-1] <= log[-1] + step):
-        return False
     first, last = np.searchsorted(log, (time[0], time[-1]))
     inside = np.diff(log[max(first - 1, 0) : last + 1])
-    return not len(inside) or float(inside.max()) <= GAP_MIN_STEPS * step
+    is_inside = log[0] - step <= time[0] and time[-1] <= log[-1] + step
+    return bool(is_inside and inside.max(initial=0.0) <= GAP_MIN_STEPS * step)
 
 
 def _finding(path: Path, joined: int, count: int, reason: str) -> Finding:
@@ -284,14 +280,7 @@ def _finding(path: Path, joined: int, count: int, reason: str) -> Finding:
     if joined:
         rest = f" Not used for the others: {reason}" if joined < count else ""
         found = f"{path.name} is the temperature of {joined} of {count} runs, interpolated in time.{rest}"
-    return Finding(
-        kind="temperature_log",
-        severity="warning" if 0 < joined < count else "note",
-        channel="temperature",
-        run=path.name,
-        found=found,
-        effect="An error of a clock becomes an error of the temperature"
-        if joined
-        else "The log has no effect",
-        remedy="State date, time of day and offset from UTC in the log and in the runs, if missing",
-    )
+    effect = "An error of a clock becomes an error of the temperature" if joined else "The log has no effect"
+    remedy = "State date, time of day and offset from UTC in the log and in the runs, if missing"
+    finding = Finding("temperature_log", found, effect, remedy, channel="temperature", run=path.name)
+    return finding if 0 < joined < count else replace(finding, severity="note")

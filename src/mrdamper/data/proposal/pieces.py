@@ -70,10 +70,8 @@ def join_pieces(pieces: Sequence[Piece]) -> list[Piece]:
     for piece in pieces:
         if found and _continues(found[-1], piece):
             before = found[-1]
-            channels = {
-                role: np.concatenate([values, piece.channels[role]])
-                for role, values in before.channels.items()
-            }
+            own = before.channels.items()
+            channels = {role: np.concatenate([values, piece.channels[role]]) for role, values in own}
             found[-1] = replace(before, time=np.concatenate([before.time, piece.time]), channels=channels)
         else:
             found.append(piece)
@@ -103,20 +101,14 @@ def filled(piece: Piece) -> Piece:
         whole = values.copy()
         whole[missing] = np.interp(rows[missing], rows[~missing], values[~missing])
         channels[role] = whole
-        first = int(np.argmax(missing))
-        findings.append(
-            Finding(
-                kind="missing_filled",
-                channel=role,
-                size=float(count),
-                unit="samples",
-                from_s=finite_or_none(piece.time[first]),
-                to_s=finite_or_none(piece.time[int(np.flatnonzero(missing)[-1])]),
-                found=f"{role} has {count} missing numbers, the first at sample {first}: interpolated",
-                effect="A reversal among them is flattened",
-                remedy="Fill them in the source if it has them",
-            )
+        first, last = np.flatnonzero(missing)[[0, -1]].tolist()
+        found = f"{role} has {count} missing numbers, the first at sample {first}: interpolated"
+        effect, remedy = "A reversal among them is flattened", "Fill them in the source if it has them"
+        finding = Finding(
+            "missing_filled", found, effect, remedy, channel=role, size=float(count), unit="samples"
         )
+        begin, end = (finite_or_none(piece.time[k]) for k in (first, last))
+        findings.append(replace(finding, from_s=begin, to_s=end))
     time = channels.pop("time", piece.time)
     return replace(piece, time=time, channels=channels, findings=tuple(findings))
 
@@ -131,17 +123,11 @@ def without_repeated_end(piece: Piece) -> Piece:
     last = int(differs[-1]) + 2 if len(differs) else len(rows)
     if last == len(rows):
         return piece
-    found = Finding(
-        kind="repeated_end",
-        severity="note",
-        channel="time",
-        size=float(len(rows) - last),
-        unit="samples",
-        found=f"the last {len(rows) - last} samples repeat the one before, with its time: ignored",
-        effect="None",
-        remedy="Nothing",
-    )
-    return replace(piece.part(slice(0, last)), findings=(*piece.findings, found))
+    count = len(rows) - last
+    found = f"the last {count} samples repeat the one before, with its time: ignored"
+    finding = Finding("repeated_end", found, "None", "Nothing", severity="note", channel="time")
+    finding = replace(finding, size=float(count), unit="samples")
+    return replace(piece.part(slice(0, last)), findings=(*piece.findings, finding))
 
 
 def cut_at_gaps(piece: Piece) -> Iterator[Piece]:
@@ -163,19 +149,13 @@ def cut_at_gaps(piece: Piece) -> Iterator[Piece]:
         part = piece.part(slice(first, last))
         if first:
             lost = float(piece.time[first] - piece.time[first - 1])
-            found = Finding(
-                kind="gap",
-                channel="time",
-                size=lost,
-                unit="s",
-                from_s=float(piece.time[first - 1]),
-                to_s=float(piece.time[first]),
-                found=f"time has a gap of {lost:.4g} s before this piece, where the usual step is "
-                f"{usual:.4g} s: the record is cut there",
-                effect="The state of the hysteresis is lost in a gap: each piece is a separate run",
-                remedy="Record again without losing samples, if the pieces are short",
-            )
-            part = replace(part, findings=(*part.findings, found))
+            found = f"time has a gap of {lost:.4g} s before this piece, where the usual step is "
+            found += f"{usual:.4g} s: the record is cut there"
+            effect = "The state of the hysteresis is lost in a gap: each piece is a separate run"
+            remedy = "Record again without losing samples, if the pieces are short"
+            gap = Finding("gap", found, effect, remedy, channel="time", size=lost, unit="s")
+            gap = gap.between(piece.time[first - 1], piece.time[first])
+            part = replace(part, findings=(*part.findings, gap))
         yield part
 
 

@@ -17,13 +17,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.data.formats.table import Layout, Moment, Table
-from mrdamper.data.proposal.clocks import (
-    increases,
-    sampling_step,
-    start_of,
-    to_one_clock,
-    with_clocks,
-)
+from mrdamper.data.proposal.clocks import increases, sampling_step, start_of, to_one_clock, with_clocks
 from mrdamper.data.proposal.column import Column, explained, headers_of
 from mrdamper.data.proposal.commands import (
     COMMAND_UNITS,
@@ -46,12 +40,7 @@ from mrdamper.data.proposal.pieces import (
 )
 from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all, relocate
 from mrdamper.data.proposal.roles import find_columns, skipped_columns
-from mrdamper.data.proposal.side_by_side import (
-    one_force_each,
-    side_by_side,
-    wide_of_long,
-    with_run_numbers,
-)
+from mrdamper.data.proposal.side_by_side import one_force_each, side_by_side, wide_of_long, with_run_numbers
 from mrdamper.data.records import CHANNELS, LEAST_SAMPLES, Recording
 from mrdamper.data.words.headers import candidates, has_word, unit_in_brackets
 from mrdamper.data.words.labels import Place, places_of
@@ -207,8 +196,8 @@ def _part_of(
         own = maps.get(first, chosen)
         role, values, told = command_of(role, values, len(piece.time), table, own, place_texts, place)
         piece, told = with_temperature(piece, told, chosen, place_texts)
-        channels_now = {**piece.channels, "command": values}
-        pieces.append(replace(piece, channels=channels_now, told=told, command_unit=COMMAND_UNITS[role]))
+        now = {**piece.channels, "command": values}
+        pieces.append(replace(piece, channels=now, told=told, command_unit=COMMAND_UNITS[role]))
     notes = [f"{', '.join(interpolated)} interpolated to the fastest clock"] if interpolated else []
     skipped = skipped_columns(table, columns, chosen)
     return pieces, columns, [*notes, *remarks, *([f"not used: {', '.join(skipped)}"] if skipped else [])]
@@ -270,8 +259,9 @@ def _make_recordings(
             starts.append(piece.start and piece.start.later(zero))
             findings += [replace(finding, run=run) for finding in part.findings]
             inferred += [Inference(run, *told) for told in part.told]
-    found = (tuple(recordings), layout, columns, chosen, tuple(findings), tuple(inferred), tuple(starts))
-    return RigFile(*found)
+    return RigFile(
+        tuple(recordings), layout, columns, chosen, tuple(findings), tuple(inferred), tuple(starts)
+    )
 
 
 def _names(pieces: Sequence[Piece], chosen: ChannelMap, stem: str) -> list[str]:
@@ -283,8 +273,5 @@ def _names(pieces: Sequence[Piece], chosen: ChannelMap, stem: str) -> list[str]:
         ends = [f"{piece.channels['command'][0]:.2f}{piece.command_unit}" for piece in pieces]
     elif len({*ends}) < len(ends):
         ends = [f"{number}" for number in range(1, len(pieces) + 1)]
-    names = []
-    for number, end in enumerate(ends):
-        again = ends[:number].count(end)
-        names.append(f"{stem}_{end}" + (f"_{again + 1}" if again else ""))
-    return names
+    before = [ends[:k].count(end) for k, end in enumerate(ends)]
+    return [f"{stem}_{end}" + (f"_{n + 1}" if n else "") for end, n in zip(ends, before, strict=True)]

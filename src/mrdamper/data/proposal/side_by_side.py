@@ -126,9 +126,8 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
     unit = unit or unit_by_magnitude(table.columns[times[0]])
     if len(values) != 1 or "time" not in roles_of_unit(unit):
         return (table,)
-    units = next(
-        (table.texts[name] for name in table.texts if name in of_units or "unit" in name.lower()), None
-    )
+    in_units = (table.texts[name] for name in table.texts if name in of_units or "unit" in name.lower())
+    units = next(in_units, None)
     words = [name for name in kinds if name not in named and table.texts[name] is not units]
     numbers = [name for name in numbers if name not in values]
     keys = [[attribute_lines({name: f"{value:g}"})[0] for value in table.columns[name]] for name in numbers]

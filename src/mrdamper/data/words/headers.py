@@ -255,10 +255,9 @@ def candidates(role: str, headers: Sequence[str]) -> list[str]:
     words = "|".join(word for word in quantity.headers if len(word) > (2 if word.isascii() else 1))
     form = re.compile(rf"(?<![a-z加가])({words})")
     named = [each for each in headers if each.strip() == quantity.symbol or form.search(each.lower())]
-    unclear = [each for each in headers if parse_header(each) is None]  # "Force (V)" is not a voltage.
-    return named or [
-        each for each in unclear if is_unit(unit_in_brackets(each) or each.rpartition("_")[2], [role])
-    ]
+    unclear = (each for each in headers if parse_header(each) is None)  # "Force (V)" is not a voltage.
+    units = {each: unit_in_brackets(each) or each.rpartition("_")[2] for each in unclear}
+    return named or [each for each, unit in units.items() if is_unit(unit, [role])]
 
 
 def _role_of(word: str) -> str | None:
