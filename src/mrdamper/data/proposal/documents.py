@@ -305,7 +305,7 @@ def _lines_by_file(
         if is_header and re.search(r"[^\W\d_]", line):
             units = [cell.strip("[]()") for cell in cells]
             is_units = len(cells) == len(header) and all(
-                _NUMBER_WORDS.search(unit) or is_any_unit(unit) for unit in units
+                not unit or _NUMBER_WORDS.search(unit) or is_any_unit(unit) for unit in units
             )
             both = zip(header, units, strict=False)
             header = [f"{h} [{u}]" if u else h for h, u in both] if is_units else cells
