@@ -310,7 +310,7 @@ def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
         *(AssertionError, ArithmeticError, AttributeError, LookupError, ValueError, TypeError),
     ) as error:
         raise refusal from error
-    if not 1e-13 < one - zero < 1e9:  # "Ts" is a sampling period, not 1e12 s, and "fs" a rate.
+    if not 1e-13 < one - zero < 1e9:  # "Ts" and "fs" are no units of time.
         raise refusal
     return one - zero, zero
 

@@ -17,6 +17,7 @@ from mrdamper.data.readers import read_each, read_runs
 from mrdamper.data.words.signs import signs_in
 from tests.data.test_laboratories import CURRENTS, RUNS, assert_read
 from tests.data.test_unseen_layouts import BARE, FULL, NAMES, bare, columns, full, table, write
+from tests.support.pace import taken
 
 WARM_K = 303.15
 UNITS = {"t": "s", "x": "mm", "F": "N"}
@@ -432,7 +433,7 @@ def packed(suffix: str) -> Writer:
     return writer
 
 
-MENDED: dict[str, Writer] = {
+STORED: dict[str, Writer] = {
     "list_of_runs_in_a_long_table": long_table,
     "list_of_runs_by_number": wide_table,
     "letters_in_names": coded("Current: A = 0 A, B = 0.75 A, C = 1.5 A\n1 = sine, 2 = sine"),
@@ -445,9 +446,9 @@ MENDED: dict[str, Writer] = {
 }
 
 
-@pytest.mark.parametrize("document", MENDED)
+@pytest.mark.parametrize("document", STORED)
 def test_document_describes_runs_of_any_storage(tmp_path, document):
-    MENDED[document](tmp_path)
+    STORED[document](tmp_path)
     assert_read(read_runs(tmp_path), warm=WARM_K)
 
 
@@ -513,3 +514,16 @@ def test_table_without_channels_is_listed_not_read(tmp_path, name):
     runs = read_runs(tmp_path)
     assert_read(runs)
     assert [finding.run for finding in runs.findings if finding.kind == "no_run"] == [name]
+
+
+def test_remarks_on_samples_are_read_quickly(tmp_path):
+    """The words of a column with a remark on each sample are not compared with each other."""
+    count = 10_000
+    time = 0.005 * np.arange(count)
+    rows = table(time, 10.0 * np.sin(time), 400.0 * np.cos(time), np.full(count, 0.75)).splitlines()
+    write(
+        tmp_path,
+        "run.csv",
+        FULL.strip() + ",remark\n" + "".join(f"{row},a{k}\n" for k, row in enumerate(rows)),
+    )
+    assert taken(lambda: read_runs(tmp_path)) < 5.0

@@ -35,7 +35,7 @@ _START = re.compile(
 )
 _OFFSET = re.compile(r"(wf start|start|time|t) offset")
 _UNITS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "hz": 1.0, "khz": 1e3}
-_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?|(?=\.\d)\.)\d*(?:[ed][-+]?\d+)?)\s*([a-zµ]*)\s*", re.IGNORECASE)
+_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[ed][-+]?\d+)?)\s*([a-zµ]*)\s*", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,8 +80,9 @@ def stated_sampling(settings: Mapping[str, object]) -> Sampling | None:
         if _STEP.fullmatch(words) or _RATE.fullmatch(words):
             number, scale = _number(value, unit)
             if number > 0.0:
-                inverse = 1.0 / number / max(scale or 1.0, 1.0)
-                step = inverse if _RATE.fullmatch(words) else number * (scale or 1.0)
+                factor = scale or 1.0
+                is_rate = _RATE.fullmatch(words)  # Its factor is 1 (Hz) or 1e3 (kHz).
+                step = 1.0 / (number * max(factor, 1.0)) if is_rate else number * factor
                 has_unit = scale is not None or words.startswith("wf ")
         elif _OFFSET.fullmatch(words):
             number, scale = _number(value, unit)

@@ -167,10 +167,11 @@ def segments_of(
     segments = chosen.segments
     if segments is None:
         return [(table, {}) for table in tables]
-    rows = [[*zip(*table.texts.values(), strict=True)] for table in tables]
-    split = segments.split
-    begins = ((k for k, cells in enumerate(each) if any(split in (x or "") for x in cells)) for each in rows)
-    starts = [sorted({0, *each}) for each in begins]
+    split, starts = segments.split, []
+    for table in tables:
+        columns = table.texts.values()
+        begins = {row for texts in columns for row, text in enumerate(texts) if split in (text or "")}
+        starts.append(sorted({0, *begins}))
     count = sum(map(len, starts))
     if count != len(segments.commands):
         found = f"{split!r} splits the file into {count} tests, [segments] has {len(segments.commands)}"

@@ -24,6 +24,7 @@ from mrdamper.data.formats.text import is_text
 from mrdamper.data.formats.timestamps import date_in, start_in
 from mrdamper.data.proposal.folders import GENERIC_SUFFIXES, is_small_file, own_name
 from mrdamper.data.proposal.notation import NOTATIONS, SCRIPTS, entries_of
+from mrdamper.data.records import LEAST_SAMPLES
 from mrdamper.data.tables import decoding
 from mrdamper.data.words.headers import speaks_of, strip_channel
 from mrdamper.data.words.labels import CONDITIONS, Place, labels_in
@@ -104,11 +105,14 @@ class _Files:
             {path: path.parent / strip_channel(own_name(path)) for path in files},
             {path: path.parent for path in files},
         ):
-            last = {key: found[-1] for key in keys.values() if (found := re.findall(r"\d{1,9}", key.name))}
-            numbers = {int(n): tuple(path for path in files if keys[path] == key) for key, n in last.items()}
+            groups: dict[Path, list[Path]] = {}
+            for path, key in keys.items():
+                groups.setdefault(key, []).append(path)
+            last = {key: found[-1] for key in groups if (found := re.findall(r"\d{1,9}", key.name))}
+            numbers = {int(number): tuple(groups[key]) for key, number in last.items()}
             # A file without a number, such as a table of results, may be next to one series of files.
             is_series = len({re.sub(r"\d+", "#", key.name) for key in last}) == 1
-            if not self.numbers and len(numbers) == len(last if is_series else {*keys.values()}) > 1:
+            if not self.numbers and len(numbers) == len(last if is_series else groups) > 1:
                 self.numbers = numbers
 
     def in_cell(self, cell: str) -> tuple[Path, ...]:
@@ -202,9 +206,12 @@ def _owners(
 def lines_by_title(tables: Sequence[Table], notes: Sequence[str]) -> dict[str, list[str]]:
     """Return the lines on each title of a run in a file from a list of runs.
 
-    The list of runs is on a different sheet or in a document.
+    The list of runs is on a different sheet or in a document. A title is the name of a table, or a word in a
+    column that divides a table into runs.
     """
-    cells = [cell for table in tables for texts in table.texts.values() for cell in {*texts}]
+    words = [({*texts}, table) for table in tables for texts in table.texts.values()]
+    # A column with more words than runs of minimum length are possible contains remarks on single samples.
+    cells = {cell for each, table in words if len(each) * LEAST_SAMPLES <= table.rows for cell in each}
     titles = [Path(f"{title}.sheet") for title in {*(table.title for table in tables), *cells} if title]
     found: dict[str, list[str]] = {}
     for sheet, lines in {**tables[0].lists, "": notes}.items() if titles else ():

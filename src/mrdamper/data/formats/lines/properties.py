@@ -31,7 +31,7 @@ _WORDS: Mapping[str, re.Pattern[str]] = {
     ),
     "factor": re.compile(
         r"fa[ckt]?t(or|eur)e?|scale|scaling|gain|slope|multiplier|skalierung|steigung|coeff?icient[ei]?|guadagno"
-        r"|gain|pente|pendenza|pendiente|[eé]s?c[ah]ell?[ae]|scala|mnożnik|współczynnik|množitel|koeficient|szorzó"
+        r"|pente|pendenza|pendiente|[eé]s?c[ah]ell?[ae]|scala|mnożnik|współczynnik|množitel|koeficient|szorzó"
         r"|множитель|коэффициент|масштаб|系数|係数|倍率|계수|배율"
     ),
     "offset": re.compile(
