@@ -30,7 +30,8 @@ SELECTED := test_file_order_does_not_change_parameters test_time_offset_hardly_c
 NIGHTLY ?= $(addprefix tests/,control models rig thermal test_examples.py) \
   $(patsubst %,tests/acceptance/test_%.py,tempered_rig public_rigs tracking asymmetry) \
   $(patsubst %,'tests/acceptance/test_invariances.py::%[selected]',$(SELECTED)) \
-  'tests/test_docs.py::test_long_commands_of_page_give_shown_output[docs/start.md]' tests/web/test_user_values.py \
+  tests/test_docs.py::test_commands_of_page_give_shown_output \
+  tests/test_docs.py::test_long_commands_of_page_give_shown_output tests/web/test_user_values.py \
   tests/web/test_worker.py::test_cancel_keeps_best_fit
 COVERAGE_MIN ?= 88
 
