@@ -59,8 +59,8 @@ def virtual_case(preset: str, temperatures_degC: tuple[float, ...]) -> Case:
     return Case(short_campaign(preset, temperatures_degC), ("*sine15mm1Hz*",))
 
 
-# In these tests, the changed data lead to other terms of the hysteresis model or to another local minimum. The
-# errors of the held-out runs or the well-determined parameters then change by more than the limits.
+# In these tests, the changed data lead to other terms of the hysteresis model or to another local minimum.
+# The errors of the held-out runs or the well-determined parameters then change by more than the limits.
 KNOWN_FAILURES = {
     ("test_file_units_hardly_change_fitted_model", "selected"),
     ("test_every_second_sample_gives_similar_model", "utfsm"),

@@ -37,7 +37,8 @@ class SelectionSettings:
     # An archetype is a first set of terms of a law. It is cross-validated only if its training error, divided
     # by the smallest training error of all archetypes of this law, is below this limit.
     archetype_error_ratio_max: float = 1.2
-    # Max cross-validation error / smallest error. Above it, a law that is not modular gets no further terms.
+    # Max cross-validation error / smallest error. Above it, a law that is not modular gets no further terms,
+    # because they decrease its error by at most 1.5 % (UTFSM and UTFPR runs).
     law_cv_ratio_max: float = 1.02
     round_count_max: int = 8  # max number of rounds of adding terms to a law
     term_count_max: int = 3  # max number of terms that are fitted in each round
