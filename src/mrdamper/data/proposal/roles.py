@@ -248,7 +248,8 @@ def scaled_column(role: str, table: Table, headers: Sequence[Header]) -> Column 
     """
     found: set[tuple[str, str, float]] = set()
     volts = [each for each in headers if "voltage" in each.of_unit or not each.of_unit]
-    for line in (*table.said, *(each.name for each in volts)):
+    lines = (*table.said, *(each.name for each in volts))
+    for line in (each for each in lines if scales_in(each) or ranges_in(each)):
         meant = [each for each in volts if _mentions(line, each)]
         meant = meant or [each for each in volts if each.of_word == role or speaks_of(each.word, role)]
         if len(meant) != 1:
