@@ -249,6 +249,8 @@ class Damper:
 
     def _value(self, name: str, at: FloatArray, kelvin: FloatArray | None) -> FloatArray:
         form, admissible = self.coefficients[name], self.law[name]
+        if self.limited and isinstance(form, Constant):
+            return np.array([min(max(form.number, admissible.lower), admissible.upper)])
         values = form.value(at[:1] if isinstance(form, Constant) else at, kelvin)
         if self.limited:
             return np.clip(values, admissible.lower, admissible.upper)

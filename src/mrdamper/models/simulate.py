@@ -168,7 +168,9 @@ def _admissible_coefficients(
         If a coefficient is invalid, or ``series-valve`` is invalid at a displacement [m].
     """
     found = damper.coefficients_at(command, temperature)
-    violations = damper.law.violations(dict(zip(damper.law.names, found, strict=True)))
+    violations: tuple[str, ...] = ()
+    if not (damper.limited and np.isfinite(found).all()):  # Finite clipped values are always within limits.
+        violations = damper.law.violations(dict(zip(damper.law.names, found, strict=True)))
     violations += _reversed_valve(damper, found, displacement)
     if violations:
         raise InputError(faults=[InputError(each) for each in violations])

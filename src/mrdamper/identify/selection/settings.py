@@ -21,7 +21,7 @@ class SelectionSettings:
     """
 
     # Amount of data in the fits of the selection
-    samples_max: int = 12_000  # max number of simulated samples in all fitted sections (windows) of runs
+    samples_max: int = 9_000  # max number of simulated samples in all fitted sections (windows) of runs
     screening_fraction: float = 1.0 / 3.0  # A quick first fit uses at most this fraction of ``samples_max``.
     # The model selection is repeated with more windows if the error of the chosen candidate on all runs
     # exceeds this multiple of its error on the windows.
@@ -50,11 +50,13 @@ class SelectionSettings:
 
     # Comparison of two candidates of a law by the cross-validation gain and Student's t of the gain over the
     # folds. A candidate is better if gain and t exceed ``cv_gain_min`` and ``cv_gain_t_min``, or the two
-    # small limits. A different law is better if its gain exceeds ``small_cv_gain_min``.
+    # small limits. A large training gain replaces the large t. It also prevents the removal of a term.
+    # A different law is better if its gain exceeds ``small_cv_gain_min``.
     cv_gain_min: float = 0.01
     cv_gain_t_min: float = 1.0
     small_cv_gain_min: float = 0.003
     small_cv_gain_t_min: float = 2.0
+    confirming_training_gain_min: float = 0.02
 
     # Backward elimination
     removal_loss_max: float = 0.003  # max relative increase of the cross-validation error
