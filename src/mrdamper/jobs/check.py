@@ -7,7 +7,7 @@ find runs that deviate from the others.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -34,6 +34,7 @@ from mrdamper.jobs.channel_map import WrittenMap, write_map
 from mrdamper.jobs.options import CheckOptions
 from mrdamper.models.damper import Damper
 from mrdamper.results import JobResult
+from mrdamper.runtime.pool import Pool
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import finite_or_none
 
@@ -177,12 +178,18 @@ def findings_of(
     free : names of the fitted parameters that are not at a bound
     """
     names = {run.name for run in held_out}
-    runs = (*training, *held_out)
-    found = [finding for run in runs for finding in diagnose(run.run, run)]
-    found += campaign_findings([run.run for run in training], [run.run for run in held_out])
-    found = [_finding_if_held_out(finding) if finding.run in names else finding for finding in found]
-    found += find_deviations(damper, training, free=free)
-    return tuple(without_repeats([*reading, *found]))
+    sources: list[Callable[[], list[Finding]]] = [
+        lambda: [finding for run in (*training, *held_out) for finding in diagnose(run.run, run)],
+        lambda: campaign_findings([run.run for run in training], [run.run for run in held_out]),
+        lambda: list(find_deviations(damper, training, free=free)),
+    ]
+    *found, deviations = Pool().map(lambda source: source(), sources)
+    of_runs = [
+        _finding_if_held_out(finding) if finding.run in names else finding
+        for findings in found
+        for finding in findings
+    ]
+    return tuple(without_repeats([*reading, *of_runs, *deviations]))
 
 
 def _finding_if_held_out(finding: Finding) -> Finding:

@@ -1,12 +1,7 @@
 """Identify the actuation, which is the delay, lags and hysteresis between command and force.
 
-The identification requires runs with a changing command (current or voltage). The force law of the damper is
-fitted before, to runs with constant command, and is not changed here.
-
-1. ``fit_actuation`` fits delay, rise, fall and second lag (``least_squares``). The data are step responses
-   (``step_responses``) if the command is constant between steps, otherwise whole runs. The magnetic
-   hysteresis is fitted afterwards.
-2. ``refine_actuation`` adds core saturation, a second hysteresis loop and free-wheeling.
+The data are runs with a changing command (current or voltage). The force law is fitted before, to runs with
+constant command, and is not changed here.
 
 In all modules of this package, the variable ``still`` is the damper without delay and lags.
 

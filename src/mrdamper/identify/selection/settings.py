@@ -14,10 +14,7 @@ class SelectionSettings:
     The error of a run is the root-mean-square error in percent of the standard deviation of the force. The
     training error of a candidate is the root mean square over the runs, because a fit minimises it. The
     cross-validation error is the mean over the runs. A *ratio* divides an error by the smallest error of the
-    same kind. A *gain* is a relative decrease of an error: 0.01 means 1 %.
-
-    A *candidate* is a law with some *terms* (optional groups of coefficients). A *modular* law consists
-    mostly of terms.
+    same kind. A *gain* is a relative decrease of an error: 0.01 means 1 %. ``select`` defines other words.
     """
 
     # Amount of data in the fits of the selection
