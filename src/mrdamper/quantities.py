@@ -224,7 +224,7 @@ _UNITS_WITHOUT_ROLE = frozenset(
         "mnm",
     }
 )
-_LIKELY_UNIT = re.compile(r"[A-Za-zµμ°Ω]{1,12}([\s/*·^._-]{1,2}[A-Za-z0-9]{1,6}){0,2}[²³]?")
+_LIKELY_UNIT = re.compile(r"(?!.*\s\d)[A-Za-zµμ°Ω]{1,12}([\s/*·^._-]{1,2}[A-Za-z0-9]{1,6}){0,2}[²³]?")
 _HEADER_WORDS = frozenset(word for quantity in _TABLE for word in quantity.headers if len(word) > 2)
 _ROLE_OF: Mapping[str, str] = MappingProxyType(
     {unit: quantity.role for quantity in _TABLE for unit in (quantity.unit, *quantity.units)}

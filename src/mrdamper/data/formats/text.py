@@ -210,14 +210,21 @@ def _with_joined_signs(path: TextSource, head: Head, options: FileOptions) -> Ta
 
 
 def _transposed(path: TextSource, head: Head, options: FileOptions) -> Table | None:
-    """Return the table of a text if each row is a channel (name, then samples), else None."""
+    """Return the table of a text if each row is a channel (its name, if it has one, and samples), else None."""
     if len(head.lines) > SETTINGS.table_columns_max:
         return None
     lines = _content(path).decode(head.encoding).splitlines() or [""]
-    delimiter = options.delimiter or max(DELIMITERS, key=lambda sign: max(line.count(sign) for line in lines))
+    longest = max(lines, key=len)
+    delimiter = options.delimiter or max(
+        DELIMITERS, key=lambda sign: count_numbers(split_line(longest, sign))
+    )
     rows = [row for line in lines if any(row := split_line(line.rstrip(f"{delimiter} "), delimiter))]
     long = [row for row in rows if len(row) > max(SETTINGS.table_columns_max, len(rows))]
-    if len(long) < 2 or any(is_number(row[0]) or not is_number(row[-1]) for row in long):
+    if (
+        len(long) < 2
+        or len({is_number(row[0]) for row in long}) > 1
+        or not all(is_number(row[-1]) for row in long)
+    ):
         return None
     above = [row for row in rows if row not in long]
     return _rearranged(path, above, zip_longest(*long, fillvalue=""), options, "a row for each channel")

@@ -104,10 +104,11 @@ def explained(table: Table, notes: Sequence[str], chosen: ChannelMap, file: str)
     """
     is_mapped = any(channel.name or channel.pattern for channel in chosen.channels.values())
     legend = [entry for line in notes for entry in legend_in(line)]
-    numbered = {number: f"{word} [{unit}]" for number, word, unit in legend if number is not None}
-    order = range(1, len(table.names) + 1)
-    lists = {names for names in _lists_in(notes, file) if len(names) == len(order)}
-    lists |= {tuple(numbered[k] for k in order)} if numbered.keys() == {*order} else set()
+    numbered = sorted({(number, f"{word} [{unit}]") for number, word, unit in legend if number is not None})
+    count = len(table.names)
+    lists = {names for names in _lists_in(notes, file) if len(names) == count}
+    if [number for number, _ in numbered] in ([*range(count)], [*range(1, count + 1)]):
+        lists.add(tuple(name for _, name in numbered))
     is_named = len(lists) == 1 and not is_mapped and all(name.startswith("column ") for name in table.names)
     table = renamed(table, dict(zip(table.names, lists.pop(), strict=True))) if is_named else table
     remarks: tuple[str, ...] = (f"columns from a document: {', '.join(table.names)}",) if is_named else ()

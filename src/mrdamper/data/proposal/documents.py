@@ -48,8 +48,9 @@ _ALL_RUNS = re.compile(
     re.IGNORECASE,
 )
 _PACKED = re.compile(r"\.(?:gz|bz2|xz)$")
-_CODE = r"(?:^|(?<=[,;:(|]))[\s*`'\"-]*({})[`'\"]*\s*(?:=|:|->|→)"
-_ANY_CODE = re.compile(_CODE.format(r"[^\W\d_]\w{0,3}|\d{1,2}(?=\s*=)"))
+_CODE = r"(?:^|(?<=[,;:(|])(?!(?<=\d,)\d))[\s*`'\"-]*({})[`'\"]*\s*(?:=|:|->|→|[-–]\s)"
+_VALUE = r"\d+(?:[.,p]\d+)?\s?m?[AV](?![^\W_])"  # A current in the names of files is a code too.
+_ANY_CODE = re.compile(_CODE.format(rf"[^\W\d_]\w{{0,3}}|\d{{1,2}}(?=\s*=)|{_VALUE}"))
 _ENTRY = re.compile(r"\s*[-*]?\s*([^\s:=][^:=]*?)\s*[:=]\s*([^\s:=][^:=]*?)\s*")
 
 
@@ -297,7 +298,7 @@ def _lines_by_file(
             mentions += 1
             continue
         named = next((named for cell in cells if (named := known.in_cell(cell))), ())
-        named = named or codes.get(cells[0].strip(" `*\"'-").lower(), ())
+        named = named or codes.get(_code(cells[0]), ())
         if not named and len(cells) == len(header):
             counts = [cell for name, cell in zip(header, cells, strict=True) if _NUMBER_WORDS.search(name)]
             if not known.are_others([cell.lower() for cell in cells]):
@@ -334,11 +335,11 @@ def _codes(lines: Sequence[str], files: Sequence[Path]) -> dict[str, tuple[Path,
     A code is a word, a number or a letter. The codes at one index of the names differ, and the document
     explains all of them.
     """
-    explained = {cell.lower() for line in lines for cell in _ANY_CODE.findall(line)}
-    explained |= {cell for line in lines if not (cell := _cells(line)[0].strip(" `*\"'-").lower()).isdigit()}
+    explained = {_code(cell) for line in lines for cell in _ANY_CODE.findall(line)}
+    explained |= {cell for line in lines if not (cell := _code(_cells(line)[0])).isdigit()}
     found: dict[str, set[tuple[Path, ...]]] = {}
-    for part in (r"[^\W_]+", r"\d+|[^\W\d_]+", r"[^\W_]"):
-        parts = {file: re.findall(part, file.stem.lower()) for file in files}
+    for part in (r"[^\W_]+", r"\d+|[^\W\d_]+", r"[^\W_]", _VALUE):
+        parts = {file: [*map(_code, re.findall(part, file.stem))] for file in files}
         for kind in {(file.suffix, len(each)) for file, each in parts.items()}:
             names = {file: each for file, each in parts.items() if (file.suffix, len(each)) == kind}
             for column in zip(*names.values(), strict=True):
@@ -348,14 +349,21 @@ def _codes(lines: Sequence[str], files: Sequence[Path]) -> dict[str, tuple[Path,
     return {code: owners.pop() for code, owners in found.items() if len(owners) == 1}
 
 
+def _code(text: str) -> str:
+    """Return a code in lower case, without marks around it. A current has one spelling: ``0.3a``."""
+    code = text.strip(" `*\"'-").lower()
+    value = re.fullmatch(r"(\d+)(?:[.,p](\d+))?\s?(m?[av])", code)
+    return f"{float(f'{value[1]}.{value[2] or 0}'):g}{value[3]}" if value else code
+
+
 def _lines_by_code(lines: Sequence[str], codes: Mapping[str, Sequence[Path]]) -> dict[Path, list[str]]:
     """Return the entries about each file in lines such as ``Current: A = 0 A, B = 0.5 A``."""
     found: dict[Path, list[str]] = {}
-    entry = re.compile(_CODE.format("|".join(map(re.escape, codes))), re.IGNORECASE)
+    entry = re.compile(_CODE.format("|".join([_VALUE, *map(re.escape, codes)])), re.IGNORECASE)
     for line in lines if codes else ():
         before, *entries = entry.split(line)
         for code, value in zip(entries[::2], entries[1::2], strict=True):
-            for file in codes[code.lower()]:
+            for file in codes.get(_code(code), ()):
                 found.setdefault(file, []).append(f"{before.strip()} {value.strip(' ,;)')}")
     return found
 

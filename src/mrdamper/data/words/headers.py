@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache
 from typing import Literal
 
-from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit
+from mrdamper.quantities import QUANTITIES, roles_of_unit
 
 _NOTED = re.compile(r"(.+?)\s*[\[({].*[\])}]\s*[\[({]([^\[({]*)[\])}]")  # remark, unit: "Force (raw) [N]"
 _BRACKETS = re.compile(r"(.+?)\s*[\[({](.*)[\])}]")
@@ -27,7 +27,11 @@ _NO_UNITS = frozenset({"in", "kp", "min"})  # A header "in" means input, "kp" a 
 _NUMBERED = re.compile(r"^(.+_[^\W\d]+)[_ ]\d+$")  # number after the unit: "force_N_2"
 _CHUNKS = re.compile(r"(?:[,;:|.](?:\s+|$)|\t|\s+(?:and|und|et|y)\s+)+")
 _IN = re.compile(r"(.+?)\s+in\s+(\S+)", re.IGNORECASE)
-_NUMBERED_CHUNK = re.compile(r"[-*#\s]*(?:[A-Za-z]+ )?(\d{1,2}) (\D.*)")
+_NUMBERED_CHUNK = re.compile(r"[-*#\s]*(?:[^\W\d]+ ?)?(\d{1,2}) (\D.*)")
+# The number of a column or row with the sign behind it: "2: ", "Zeile 2 = ", "2nd row - ", "第2列: ".
+_POSITION = re.compile(
+    r"(?<![\d.,])(\d{1,2})(?:(?:[.ªº]|-?[^\W\d_]{1,3})\s[^\W\d]+|[行列]目?)?\s*(?:=|(?:[.:)]|->|→|[-–])\s)\s*"
+)
 _VALUE = re.compile(r"\S\s*[:=]\s*[+-]?\d[\d.,]*\s*$")
 _REMARK = re.compile(r"\([^()]* [^()]*\)\s*$")  # "(tension positive)" is no unit.
 _ALL_CHANNELS = re.compile(
@@ -35,7 +39,7 @@ _ALL_CHANNELS = re.compile(
     re.IGNORECASE,
 )
 _ACCELERATION = re.compile("加速度|가속도")  # These words contain the words of velocity.
-_NARROW = str.maketrans("（）［］／", "()[]/")
+_NARROW = str.maketrans({**dict(zip("（）［］／", "()[]/", strict=True)), "：": ": ", "，": ", ", "；": "; "})
 
 Kind = Literal[
     "set point", "sensor output", "statistic", "model", "filtered", "ambient", "fluid", "damper", "other"
@@ -102,17 +106,21 @@ def legend_in(line: str, words_max: int = 3) -> list[tuple[int | None, str, str]
     Examples: ``Columns: disp in mm, force in kN``, ``2: force [N]``, and the row ``force | kN``. A text
     of more than ``words_max`` words is a sentence.
     """
-    cells = [cell.strip(" `*\"'") for cell in re.split(r"[|\t;]", line.strip().strip("|"))]
+    cells = [cell.strip(" `*\"'") for cell in re.split(r"[|\t;]", line.translate(_NARROW).strip().strip("|"))]
     units = [cell for cell in cells[1:] if roles_of_unit(cell)]
-    if len(units) == 1 and cells[0] and len(cells) > 1:
-        return [(None, cells[0], units[0])]
+    if len(units) == 1 and cells[0]:
+        is_numbered = re.fullmatch(r"\d{1,2}", cells[0]) is not None
+        return [(int(cells[0]) if is_numbered else None, cells[is_numbered], units[0])]
     if _VALUE.search(line):
         return []
+    line = _POSITION.sub(r"\1 ", line.translate(_NARROW))
+    # A numbered line is no sentence even if it has more words: "3: current in the coil [A]".
     whole = _NUMBERED_CHUNK.fullmatch(" ".join(_REMARK.sub("", line).split()))
-    if whole and all(parts := word_and_unit(whole[2])) and len(parts[0].split()) <= words_max:
-        return [(int(whole[1]), *parts)]
+    word, unit = word_and_unit(whole[2]) if whole else ("", "")
+    if whole and unit and 0 < len(word.split()) <= 2 * words_max and not re.search("[:,0-9]", word):
+        return [(int(whole[1]), word, unit)]
     found: list[tuple[int | None, str, str]] = []
-    for chunk in _CHUNKS.split(re.sub(r"(\d)\s*[.:=)]\s+", r"\1 ", line)):
+    for chunk in _CHUNKS.split(line):
         numbered = _NUMBERED_CHUNK.fullmatch(chunk.strip())
         text = numbered[2] if numbered else chunk.strip(" -*#`")
         word, unit = word_and_unit(text)
@@ -257,7 +265,7 @@ def candidates(role: str, headers: Sequence[str]) -> list[str]:
     named = [each for each in headers if each.strip() == quantity.symbol or form.search(each.lower())]
     unclear = (each for each in headers if parse_header(each) is None)  # "Force (V)" is not a voltage.
     units = {each: unit_in_brackets(each) or each.rpartition("_")[2] for each in unclear}
-    return named or [each for each, unit in units.items() if is_unit(unit, [role])]
+    return named or [each for each, unit in units.items() if role in roles_of_unit(unit)]
 
 
 def _role_of(word: str) -> str | None:

@@ -1,4 +1,4 @@
-"""Encodings of texts: UTF-8, UTF-16, East Asian encodings, Windows-1251 and Windows-1252.
+"""Encodings of texts: UTF-8, UTF-16, East Asian encodings, Windows-1250 to Windows-1252.
 
 A wrong choice damages only words: numbers and their units are ASCII in each of these encodings.
 """
@@ -17,10 +17,11 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES
 
 UTF8 = "utf-8-sig"
-_WINDOWS, _CYRILLIC = "cp1252", "cp1251"
+_WINDOWS, _CENTRAL, _CYRILLIC = "cp1252", "cp1250", "cp1251"
 _CHINESE, _JAPANESE, _KOREAN = "gb18030", "cp932", "cp949"
 READ_AS = {
     _WINDOWS: "Windows-1252",
+    _CENTRAL: "Windows-1250 (Central Europe)",
     _CYRILLIC: "Windows-1251 (Cyrillic)",
     _CHINESE: "GB 18030",
     _JAPANESE: "Shift JIS",
@@ -31,6 +32,7 @@ READ_AS = {
 _NO_TEXT = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 _NO_WINDOWS = re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # Bytes that Windows-1252 does not define.
 _NO_CYRILLIC = b"\x98"  # The byte that Windows-1251 does not define.
+_POLISH = re.compile(rb"[a-z][\xb3\xb9\xbf][a-z]")  # These letters are signs in Windows-1252.
 _WORDS = re.compile(rb"[A-Za-z\x80-\xff]{3,}")
 _CYRILLIC_WORD = re.compile(rb"[\xa8\xb8\xc0-\xff]+")
 _EAST = re.compile(r"[\u3000-\u30ff\u4e00-\u9fff\uff01-\uff5e\u2103\u3395-\u33df\x00-\x7f]*")
@@ -114,7 +116,7 @@ def _western(content: bytes) -> str:
     # A text of numbers has few non-ASCII characters.
     letters = len(content) - len(content.translate(None, bytes(range(128, 256))))
     is_windows = _NO_WINDOWS.search(content) is None and letters <= 0.05 * len(content)
-    return _WINDOWS if is_windows else ""
+    return "" if not is_windows else _CENTRAL if _POLISH.search(content) else _WINDOWS
 
 
 def _eastern(content: bytes) -> str:
