@@ -224,12 +224,13 @@ _UNITS_WITHOUT_ROLE = frozenset(
         "mnm",
     }
 )
-_LIKELY_UNIT = re.compile(r"(?!.*\s\d)[A-Za-zµμ°Ω]{1,12}([\s/*·^._-]{1,2}[A-Za-z0-9]{1,6}){0,2}[²³]?")
+_LIKELY_UNIT = re.compile(r"[A-Za-zµμ°Ω]{1,12}([\s/*·^._-]{1,2}[A-Za-z0-9]{1,6}){0,2}[²³]?")
 _HEADER_WORDS = frozenset(word for quantity in _TABLE for word in quantity.headers if len(word) > 2)
 _ROLE_OF: Mapping[str, str] = MappingProxyType(
     {unit: quantity.role for quantity in _TABLE for unit in (quantity.unit, *quantity.units)}
 )
-_UNIT = re.compile(r"[\w\s°℃%/*^·².+()-]{1,32}")  # Longer texts and other characters are not units.
+# Longer texts, other characters, and numbered names such as "column 3" are not units.
+_UNIT = re.compile(r"(?!.*[^\W\d]\s\d)[\w\s°℃%/*^·².+()-]{1,32}")
 # Exponent of one digit, such as s**2 or m^-1.
 _POWER = re.compile(r"(?<=\w)\s*(?:\*\*|\^)\s*-?\d(?![\w.]|\s*(?:\*\*|\^))")
 

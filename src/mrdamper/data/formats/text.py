@@ -210,7 +210,7 @@ def _with_joined_signs(path: TextSource, head: Head, options: FileOptions) -> Ta
 
 
 def _transposed(path: TextSource, head: Head, options: FileOptions) -> Table | None:
-    """Return the table of a text if each row is a channel (its name, if it has one, and samples), else None."""
+    """Return the table of a text if each row is a channel (perhaps its name, then samples), else None."""
     if len(head.lines) > SETTINGS.table_columns_max:
         return None
     lines = _content(path).decode(head.encoding).splitlines() or [""]
@@ -220,11 +220,8 @@ def _transposed(path: TextSource, head: Head, options: FileOptions) -> Table | N
     )
     rows = [row for line in lines if any(row := split_line(line.rstrip(f"{delimiter} "), delimiter))]
     long = [row for row in rows if len(row) > max(SETTINGS.table_columns_max, len(rows))]
-    if (
-        len(long) < 2
-        or len({is_number(row[0]) for row in long}) > 1
-        or not all(is_number(row[-1]) for row in long)
-    ):
+    kinds = {(is_number(row[0]), is_number(row[-1])) for row in long}
+    if len(long) < 2 or kinds not in ({(True, True)}, {(False, True)}):
         return None
     above = [row for row in rows if row not in long]
     return _rearranged(path, above, zip_longest(*long, fillvalue=""), options, "a row for each channel")

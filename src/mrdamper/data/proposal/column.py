@@ -19,6 +19,7 @@ from mrdamper.data.words.headers import (
     is_per_cent,
     legend_in,
     parse_header,
+    raw_signal,
     speaks_of,
     word_and_unit,
 )
@@ -130,7 +131,7 @@ def explained(table: Table, notes: Sequence[str], chosen: ChannelMap, file: str)
             if same and to_si(1.0, header.unit, role) not in same.values():
                 other_units[header.name] = next(iter(same))
     is_raw = any("voltage" in roles_of_unit(units.get(each.name, each.unit)) for each in headers)
-    in_per_cent = any(is_per_cent(each.name) for each in headers)
+    in_per_cent = any(is_per_cent(units.get(each.name, each.name)) for each in headers)
     own_rates = [*rates_in(table.said)] + ([1.0 / table.step_s] if table.step_s else [])
     rates = [line for line in notes if rates_in([line])]
     # The sampling rate of the file and the rate in a document agree within 1 %.
@@ -193,6 +194,9 @@ def _meanings(name: str, notes: Sequence[str]) -> list[tuple[str, str]]:
         notes = [part for line in notes for part in re.split(rf"(?=\b{re.escape(numbered[1])}\d)", line)]
     found: dict[tuple[str, str], None] = {}
     for match in filter(None, map(form.fullmatch, notes)):
+        if signal := raw_signal(match[1]):
+            found[signal] = None
+            continue
         words, *others = filter(None, re.split(r"\s*[][,;|()]\s*|\s+in\s+", match[1].strip()))
         units = [text for text in others if roles_of_unit(text)]
         is_meant = any(speaks_of(words, role) for text in units for role in roles_of_unit(text))

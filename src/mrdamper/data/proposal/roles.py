@@ -251,7 +251,8 @@ def scaled_column(role: str, table: Table, headers: Sequence[Header]) -> Column 
     lines = (*table.said, *(each.name for each in volts))
     for line in (each for each in lines if scales_in(each) or ranges_in(each)):
         meant = [each for each in volts if _mentions(line, each)]
-        meant = meant or [each for each in volts if each.of_word == role or speaks_of(each.word, role)]
+        if len(meant) != 1:  # One line may state the scales of several columns.
+            meant = [each for each in meant or volts if each.of_word == role or speaks_of(each.word, role)]
         if len(meant) != 1:
             continue
         stated = table.units.get(meant[0].name, "") or unit_in_brackets(meant[0].name)

@@ -7,11 +7,12 @@ the headers determine the column. Words also distinguish a measured quantity fro
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache
 from typing import Literal
 
-from mrdamper.quantities import QUANTITIES, roles_of_unit
+from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit
 
 _NOTED = re.compile(r"(.+?)\s*[\[({].*[\])}]\s*[\[({]([^\[({]*)[\])}]")  # remark, unit: "Force (raw) [N]"
 _BRACKETS = re.compile(r"(.+?)\s*[\[({](.*)[\])}]")
@@ -77,11 +78,10 @@ _COMMAND = re.compile(
 _COIL = re.compile(r"\b(coil|magnet\w*|solenoid|spule\w*|bobin[ae]|cewk\w*)\b|线圈|コイル")
 _EPOCH = re.compile(r"\b(epoch|posix|unix)\b")  # seconds since 1970
 _DUTY = re.compile(r"\b(pwm|duty\w*|tastgrad|tastverh\w*|control|drive\w*|steuer\w*)\b|占空比|듀티")
-_PER_CENT = re.compile(
-    r"(?:%|\b(?:pct|percent|per cent|prozent)\b)"
-    r"(?:\s*(?:of|v\.|vom|du|de l['’]|del)?\s*(?:fso?|f\.s\.|range|full scale|span|endwert|messbereich|rated"
-    r"|étendue(?: de mesure)?|rango))?[\s\])}]*$",
-    re.IGNORECASE,
+_PER_CENT = re.compile(r"(?<!\d)(?<!\d )(?:%|\b(?:pct|percent|per cent|prozent)\b)[^\d%]*$", re.IGNORECASE)
+# Per cent or a scale in place of the unit: "displacement in %, 100 % = 25 mm", "force, 500 N/V".
+_RAW = re.compile(
+    r"([^\W\d][^,([%\d]*?)[\s,([]+(?:in )?(?:V[\]),\s]+)?(?:(%)|\d[\d.,]*\s?[^\W\d]+(?:/| per )(V)(?!\w)).*"
 )
 
 
@@ -115,8 +115,8 @@ def legend_in(line: str, words_max: int = 3) -> list[tuple[int | None, str, str]
         return []
     line = _POSITION.sub(r"\1 ", line.translate(_NARROW))
     # A numbered line is no sentence even if it has more words: "3: current in the coil [A]".
-    whole = _NUMBERED_CHUNK.fullmatch(" ".join(_REMARK.sub("", line).split()))
-    word, unit = word_and_unit(whole[2]) if whole else ("", "")
+    whole = _NUMBERED_CHUNK.fullmatch(" ".join(line.split()))
+    word, unit = raw_signal(whole[2]) or word_and_unit(_REMARK.sub("", whole[2])) if whole else ("", "")
     if whole and unit and 0 < len(word.split()) <= 2 * words_max and not re.search("[:,0-9]", word):
         return [(int(whole[1]), word, unit)]
     found: list[tuple[int | None, str, str]] = []
@@ -131,6 +131,12 @@ def legend_in(line: str, words_max: int = 3) -> list[tuple[int | None, str, str]
     return found
 
 
+def raw_signal(text: str) -> tuple[str, str] | None:
+    """Return the word, and "%" or "V", of an explanation in per cent of a range or with a scale per volt."""
+    match = _RAW.fullmatch(text)
+    return (match[1], match[2] or match[3]) if match else None
+
+
 def _means(word: str, roles: Sequence[str]) -> bool:
     """Return True if a word means one of the roles: ``coil current_A`` is a current, ``sensor_A`` is not."""
     for role, words in (("current", _COIL), ("time", _EPOCH)):
@@ -141,9 +147,9 @@ def _means(word: str, roles: Sequence[str]) -> bool:
 
 def speaks_of(word: str, role: str) -> bool:
     """Return True if a word contains a name of a role, such as ``rodforce``."""
-    plain = _split_words(word)
+    plain = _without_accents(_split_words(word))
     tokens = plain.split()
-    for known in QUANTITIES[role].headers:
+    for known in _names_of(role):
         if (len(known) == 1 and known.isascii()) or known == "力":
             continue
         if known in tokens or (not known.isascii() and known in plain):
@@ -152,6 +158,17 @@ def speaks_of(word: str, role: str) -> bool:
         if any(token.startswith(begin) or token.endswith(end) for token in tokens):
             return True
     return False
+
+
+@cache
+def _names_of(role: str) -> tuple[str, ...]:
+    return tuple(map(_without_accents, QUANTITIES[role].headers))
+
+
+def _without_accents(text: str) -> str:
+    """Return a text without accents, which many instruments cannot write: ``forca``, ``sila``."""
+    apart = unicodedata.normalize("NFD", text.replace("ł", "l"))
+    return unicodedata.normalize("NFC", re.sub("[\u0300-\u036f]", "", apart))
 
 
 def means(name: str, role: str) -> bool:
@@ -188,7 +205,7 @@ def is_command_share(name: str, unit: str) -> bool:
 
 
 def is_per_cent(text: str) -> bool:
-    """Return True if a header, a line or a unit ends with per cent."""
+    """Return True if a header, a line or a unit ends with per cent, and perhaps words on the reference."""
     return _PER_CENT.search(text.replace("_", " ")) is not None
 
 
@@ -265,9 +282,9 @@ def candidates(role: str, headers: Sequence[str]) -> list[str]:
     named = [each for each in headers if each.strip() == quantity.symbol or form.search(each.lower())]
     unclear = (each for each in headers if parse_header(each) is None)  # "Force (V)" is not a voltage.
     units = {each: unit_in_brackets(each) or each.rpartition("_")[2] for each in unclear}
-    return named or [each for each, unit in units.items() if role in roles_of_unit(unit)]
+    return named or [each for each, unit in units.items() if is_unit(unit, [role])]
 
 
 def _role_of(word: str) -> str | None:
-    word = word.strip() if len(word.strip()) == 1 else word.strip().lower()
-    return next((role for role, quantity in QUANTITIES.items() if word in quantity.headers), None)
+    word = word.strip() if len(word.strip()) == 1 else _without_accents(word.strip().lower())
+    return next((role for role in QUANTITIES if word in _names_of(role)), None)

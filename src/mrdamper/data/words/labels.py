@@ -78,7 +78,10 @@ _VOLTS_PER = re.compile(rf"(?<![\d.,])({_NUMBER})\s*(m?V)\s*(?:/|per)\s*([^\W\d_
 _SCALE_OF_ONE = re.compile(
     rf"(?<![\d.,])1\s*V\s*(?:=|≙|->|:)\s*({_NUMBER})\s*([^\W\d_]{{1,3}}(?:/s)?)(?![\w/])"
 )
-_RANGE_WORDS = r"range|full.?scale|\bf\.?s\b|100 ?%|bereich|endwert|plage|rango|量程"
+_RANGE_WORDS = (
+    r"range|full.?scale|\bf\.?s\b|100 ?%|bereich|endwert|plage|rango|escala|scala|échelle|étendue|zakres"
+    r"|rozsah|bereik|диапазон|предел|шкал|量程|レンジ|フルスケール|범위"
+)
 # In "10 to 60 mm", the number with the unit is not the span of the range.
 _FROM_TO = re.compile(
     rf"[1-9][\d.,]*\s*(?:k?N|[cm]?m)?\s*(?:-|–|\.\.+|to|bis)\s*\+?\s*{_NUMBER}\s*(?:k?N|[cm]?m)\b"
@@ -198,7 +201,9 @@ def span_in(line: str) -> tuple[str, float, float, str, str] | None:
 
 def ranges_in(line: str) -> tuple[tuple[float, str], ...]:
     """Return the ranges in a line as (number, unit), such as ``Range force: 5 kN`` or ``100 % = 2 A``."""
-    if _FROM_TO.search(line) or ((span := span_in(line)) is not None and span[2] != 0.0):
+    if (span := span_in(line)) is not None:
+        return ((100.0 * span[1], span[4]),) if span[2:4] == (0.0, "%") else ()
+    if _FROM_TO.search(line):
         return ()
     found = _RANGE_OF.findall(line) if re.search(_RANGE_WORDS, line, re.IGNORECASE) else []
     return tuple((_to_float(number), unit) for number, unit in found)

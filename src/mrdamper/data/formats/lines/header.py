@@ -276,7 +276,9 @@ def _apply_legend(
         opaque.append(not names_quantity(name))
         row = next((row for row in rows if opaque[-1] and len(row) > 2 and _key(row[0]) == _key(word)), ())
         text = legend.get(_key(name)) or legend.get(_key(word)) or (row[1] if row else "")
-        units = [unit] if unit else [cell for cell in row[2:] if roles_of_unit(cell)]
+        units = (
+            [unit or "%"] if unit or is_per_cent(name) else [cell for cell in row[2:] if roles_of_unit(cell)]
+        )
         with_its_unit = f"{text} [{units[0]}]" if len(units) == 1 and not word_and_unit(text)[1] else text
         # "Stroke: 25 mm" is a value. "force_pct: per cent of range" and "coil_A: amperes" name no quantity.
         is_meaning = text[:1].isalpha() and (names_quantity(text) or not (unit or names_quantity(name)))
