@@ -5,7 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import zipfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -252,6 +252,81 @@ def test_codes_in_names_are_explained_by_document(tmp_path):
     }
 
 
+def described(text: str, *, head: str = "", across: bool = False, scales: Sequence[float] = (1, 1)) -> Writer:
+    """Return a function that writes runs with and without a column of times, and a text on their columns.
+
+    ``head`` is the header of the columns. ``across`` writes a row for each channel, without times.
+    """
+
+    def writer(folder: Path) -> None:
+        for run, current in zip(RUNS, CURRENTS, strict=True):
+            t, x, f, i = columns(run)
+            values = [x / scales[0], f / scales[1], i]
+            rows = table(*np.transpose(values), sign="\t") if across else table(t, *values, sign="\t")
+            write(folder, f"test_{current:.2f}A.txt".replace(".", ",", 1), head.replace(",", "\t") + rows)
+        (folder / "readme.txt").write_text(text, encoding="cp1250" if "łoczyska" in text else "utf-8")
+
+    return writer
+
+
+OIL = "Oil: 0,0 A - 30 °C; 0,75 A - 30 °C; 1,5 A - 30 °C\n"
+NO_NAMES = "CH1,CH2,CH3,CH4\n"
+EXPLAINED: dict[str, Writer] = {
+    "polish_rows": described(
+        "Częstotliwość próbkowania 200 Hz\n wiersz 1 - przemieszczenie tłoczyska [mm]\n wiersz 2 - siła [N]\n"
+        " wiersz 3 - natężenie prądu w cewce [A]\n" + OIL,
+        across=True,
+    ),
+    "ordinal_numbers": described(
+        "1. row: stroke, mm\n2. row: force, N\n3. row: coil, A\n200 Hz sampling\n" + OIL, across=True
+    ),
+    "chinese_rows": described(
+        "采样频率 200 Hz\n第1行：位移（mm），第2行：力（N）\n第3行：电流（A）\n" + OIL, across=True
+    ),
+    "rows_from_zero": described(
+        "Abtastrate 200 Hz\nZeile 0 = Weg, 10 mm/V\nZeile 1 = Kraft [V], 500 N/V\nZeile 2 = Strom [A]\n"
+        + OIL,
+        across=True,
+        scales=(10, 500),
+    ),
+    "sentence": described(
+        "Column 1 is the time in s, column 2 is the stroke in mm, column 3 is the load in N and column 4 the"
+        " current in A.\n" + OIL
+    ),
+    "table_of_columns": described(
+        "| 1 | time | s |\n| 2 | stroke | mm |\n| 3 | load | N |\n| 4 | coil current | A |\n" + OIL
+    ),
+    "per_cent_of_columns": described(
+        "1: time [s]\n2: stroke in %, 100 % = 50 mm\n3: force in % of range, 100 % = 5 kN\n4: coil [A]\n"
+        + OIL,
+        scales=(0.5, 50),
+    ),
+    "per_cent_of_channels": described(
+        "CH1: time, s\nCH2: curso em % do fundo de escala, 100 % = 50 mm\nCH3: força em %, 100 % = 5 kN\n"
+        "CH4: current, A\n" + OIL,
+        head=NO_NAMES,
+        scales=(0.5, 50),
+    ),
+    "per_cent_in_one_line": described(
+        "Curso e forca em % do fundo de escala (50 mm e 5 kN)\n" + OIL,
+        head="Tempo [s],Curso [%],Forca [%],Corrente [A]\n",
+        scales=(0.5, 50),
+    ),
+    "per_cent_with_both_ends": described(
+        "Weg: -100 % = -50 mm, +100 % = +50 mm\nKraft: 0 % = 0 kN, 100 % = 5 kN\n" + OIL,
+        head="Zeit [s],Weg [% v. E.],Kraft [% v. E.],Strom [A]\n",
+        scales=(0.5, 50),
+    ),
+}
+
+
+@pytest.mark.parametrize("text", EXPLAINED)
+def test_columns_explained_in_a_text_are_read(tmp_path, text):
+    """The text states quantities and scales of numbered rows or columns, and temperatures by current."""
+    EXPLAINED[text](tmp_path)
+    assert_read(read_runs(tmp_path), warm=WARM_K)
+
+
 UNCLEAR: dict[str, Writer] = {
     "limits": about("rig.json", json.dumps({"limit": {"current": {"value": 2, "unit": "A"}}}), BARE),
     "supply": about("rig.yaml", "supply:\n  voltage: 24 V\n  current: 5 A\n", BARE),
@@ -273,6 +348,12 @@ UNCLEAR: dict[str, Writer] = {
     "contradictory_names": about("a.txt", "x  stroke, mm\nx  stroke, m\n" + each("%(n)s  %(i)s A\n")),
     "columns_of_another_file": about(
         "a.txt", "sum.dat: time (s), disp (mm), force (N)\n" + each("%(n)s  %(i)s A\n"), ""
+    ),
+    "numbers_with_two_meanings": about(
+        "a.txt", "1: time [s]\n2: disp [mm]\n3: force [N]\n3: force [kN]\n" + each("%(n)s  %(i)s A\n"), ""
+    ),
+    "range_from_minus_to_plus": described(
+        "Weg: range -25..25 mm\nKraft: range 5 kN\n", head="t [s],Weg [%],Kraft [%],I [A]\n"
     ),
     "missing_unit": beside(".json", lambda i: json.dumps({"current_A": i, "units": {"t": "s", "x": "mm"}})),
 }

@@ -113,9 +113,9 @@ def _western(content: bytes) -> str:
     words = [word for word in _WORDS.findall(content) if not word.isascii()]
     if len(words) >= 2 and all(map(_CYRILLIC_WORD.fullmatch, words)) and _NO_CYRILLIC not in content:
         return _CYRILLIC
-    # A text of numbers has few non-ASCII characters.
+    # In texts of European languages, up to one letter in seven is not ASCII.
     letters = len(content) - len(content.translate(None, bytes(range(128, 256))))
-    is_windows = _NO_WINDOWS.search(content) is None and letters <= 0.05 * len(content)
+    is_windows = _NO_WINDOWS.search(content) is None and letters <= 0.15 * len(content)
     return "" if not is_windows else _CENTRAL if _POLISH.search(content) else _WINDOWS
 
 
