@@ -14,7 +14,7 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
-from mrdamper.data.formats.lines.encodings import TextInMemory
+from mrdamper.data.formats.lines.encodings import Text
 from mrdamper.data.formats.lines.header import find_data, find_decimal, holds_samples
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import FileOptions, NoTableError, Table, load_extra
@@ -85,10 +85,9 @@ def _open(path: Path) -> Any:  # noqa: ANN401 - python-calamine has no types
 
 def _table(path: Path, sheet: str, rows: Sequence[Row], options: FileOptions) -> Table:
     words = [cell for row in rows[: SETTINGS.header_lines_max] for cell in row if isinstance(cell, str)]
-    decimal = options.decimal or find_decimal(path, words, "\t") or "."
-    text = "\n".join("\t".join(_spelled(cell, decimal) for cell in row) for row in rows) + "\n"
-    source = TextInMemory(f"{path}, sheet {sheet!r}", text.encode())
-    table = read_text(source, FileOptions(delimiter="\t", decimal=decimal))
+    decimal = options.decimal or find_decimal(f"{path}", words, "\t") or "."
+    lines = ["\t".join(_spelled(cell, decimal) for cell in row) for row in rows]
+    table = read_text(Text(f"{path}, sheet {sheet!r}", lines), FileOptions(delimiter="\t", decimal=decimal))
     first, *others = (
         replace(
             each,

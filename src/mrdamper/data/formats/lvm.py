@@ -16,19 +16,19 @@ from pathlib import Path
 import numpy as np
 
 from mrdamper.data.formats.clocks import Sampling, stated_sampling, with_times
-from mrdamper.data.formats.lines.encodings import open_text_bytes
+from mrdamper.data.formats.lines.encodings import read_lines
 from mrdamper.data.formats.lines.header import split_line, statements
 from mrdamper.data.formats.table import FileOptions, Layout, Moment, Table
-from mrdamper.data.formats.text import parse_rows, read_head
+from mrdamper.data.formats.text import parse_rows
 from mrdamper.data.formats.timestamps import moment_of
 from mrdamper.data.words.headers import unit_in_brackets
 from mrdamper.errors import InputError
 from mrdamper.quantities import is_unit
 
-_END = re.compile(rb"(?m)^\*\*\*End_of_Header\*\*\*.*\n?")
+_END = re.compile(r"(?m)^\*\*\*End_of_Header\*\*\*.*\n?")
 # Notes are optional and precede the channel count.
-_SEGMENT = re.compile(rb"(?ms)^((?:Notes|Channels)[\t,].*?)^\*\*\*End_of_Header\*\*\*[^\n]*\n([^\n]*)\n?")
-_NAMES = re.compile(rb"()([^\n]*)\n?")
+_SEGMENT = re.compile(r"(?ms)^((?:Notes|Channels)[\t,].*?)^\*\*\*End_of_Header\*\*\*[^\n]*\n([^\n]*)\n?")
+_NAMES = re.compile(r"()([^\n]*)\n?")
 _SEPARATORS = {"tab": "\t", "comma": ","}
 _X = "X_Value"
 _OF_SAMPLES = re.compile(r"(X0|Delta_X|X_Dimension|Y_Unit_Label|Date|Time|Samples|Channels|.*_Version)\b")
@@ -38,14 +38,13 @@ Tags = Mapping[str, list[str]]
 
 def read_lvm(path: Path, _options: FileOptions) -> Table:
     """Return the first recording in a LabVIEW measurement file; ``Table.following`` has the later ones."""
-    head = read_head(path)
-    with open_text_bytes(path) as stream:
-        content = stream.read()
+    text = read_lines(path)
+    content = "\n".join(text.lines)
     end = _END.search(content)
     if end is None:
-        found = f"no ***End_of_Header*** in the first {len(head.lines)} lines; it was cut off: copy it again"
+        found = "no ***End_of_Header***; it was cut off: copy it again"
         raise InputError(place=path, found=found)
-    file_tags = _tags_of(content[: end.start()], head.encoding)
+    file_tags = _tags_of(content[: end.start()])
     headers = [*_SEGMENT.finditer(content, end.end())] or [*_NAMES.finditer(content, end.end())][:1]
     delimiter = _SEPARATORS.get(file_tags.get("Separator", ["Tab"])[0].lower(), "\t")
     decimal = file_tags.get("Decimal_Separator", ["."])[0] or "."
@@ -53,31 +52,31 @@ def read_lvm(path: Path, _options: FileOptions) -> Table:
         raise InputError(place=path, found="commas separate columns and decimals; save the file with tabs")
     if not content[headers[0].end() :].strip():
         raise InputError(place=path, found="no rows after its header", expected="rows of numbers")
-    names = split_line(headers[0][2].decode(head.encoding), delimiter)
+    names = split_line(headers[0][2], delimiter)
     tables: list[Table] = []
-    stops = [*(other.start() for other in headers[1:]), len(content)]
+    stops = [*(content.count("\n", 0, other.start()) for other in headers[1:]), None]
     for header, stop in zip(headers, stops, strict=True):
-        above = content.count(b"\n", 0, header.end())
+        above = content.count("\n", 0, header.end())
         if header[2].rstrip() != headers[0][2].rstrip():
             found = "the columns differ from the columns of the first segment"
             raise InputError(place=f"{path}, line {above}", found=found, remedy="Split the file there")
-        tags = {**file_tags, **_tags_of(header[1], head.encoding)}
+        tags = {**file_tags, **_tags_of(header[1])}
         lines = ["\t".join([name, *cells]) for name, cells in tags.items() if not _OF_SAMPLES.match(name)]
-        layout = Layout("LabVIEW measurement text", delimiter, decimal, above, notes=head.notes)
-        table = parse_rows(path, header.end(), names, layout, stop)
+        layout = Layout("LabVIEW measurement text", delimiter, decimal, above, notes=text.notes)
+        table = parse_rows(text, names, layout, stop)
         if table.rows:
             start = tables[0].start if tables else None
             tables.append(_with_clock(replace(table, said=statements(lines, "\t")), tags, start))
     if len(tables) < 2:
         return tables[0]
-    layout = replace(tables[0].layout, notes=(*head.notes, f"{len(tables)} segments"))
+    layout = replace(tables[0].layout, notes=(*text.notes, f"{len(tables)} segments"))
     return replace(tables[0], layout=layout, following=tuple(tables[1:]))
 
 
-def _tags_of(content: bytes, encoding: str) -> Tags:
+def _tags_of(content: str) -> Tags:
     """Return a mapping from each tag to the cells after the tag."""
     tags: dict[str, list[str]] = {}
-    for line in content.decode(encoding, "replace").splitlines():
+    for line in content.splitlines():
         name, *cells = [cell.strip() for cell in line.split("," if "\t" not in line else "\t")]
         tags[name] = cells or [""]
     return tags

@@ -2,29 +2,20 @@
 
 from __future__ import annotations
 
-import io
 import re
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from itertools import pairwise, zip_longest
+from dataclasses import replace
+from itertools import zip_longest
+from pathlib import Path
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.clocks import with_samplings
 from mrdamper.data.formats.lines.blocks import find_blocks
-from mrdamper.data.formats.lines.cells import cells_of_text, is_number, with_dates
-from mrdamper.data.formats.lines.encodings import (
-    READ_AS,
-    UTF8,
-    TextInMemory,
-    TextSource,
-    encoding_of,
-    open_text_bytes,
-    utf16_of,
-)
+from mrdamper.data.formats.lines.cells import cells_of_lines, is_number, with_dates
+from mrdamper.data.formats.lines.encodings import Text, read_lines, utf16_of
 from mrdamper.data.formats.lines.header import (
     DELIMITERS,
     count_numbers,
@@ -54,17 +45,6 @@ from mrdamper.quantities import spell_unit
 _COUNT = re.compile(r"\b(?:sample count|npts)\s*[:=]\s*(\d+)", re.IGNORECASE)
 _SIGN_APART = re.compile(r"(?<!\S)[+-](?=\s)")
 _LONE_SIGN = re.compile(r"(^|\s)([+-])[ \t]+(?=[\d.])")
-_HEAD_BYTES = 1 << 20
-
-
-@dataclass(frozen=True, slots=True)
-class Head:
-    """The first lines of a text. ``starts`` are the offsets of the lines, and of the byte after the last."""
-
-    lines: tuple[str, ...]
-    starts: tuple[int, ...]
-    notes: tuple[str, ...] = ()  # Remarks on how the text was read.
-    encoding: str = UTF8
 
 
 def is_text(head: bytes) -> bool:
@@ -72,53 +52,53 @@ def is_text(head: bytes) -> bool:
     return b"\0" not in head or bool(utf16_of(head))
 
 
-def read_text(path: TextSource, options: FileOptions) -> Table:
+def read_text(path: Path | Text, options: FileOptions) -> Table:
     """Return the first table in a delimited text; later tables are in its ``following``."""
-    head = read_head(path)
+    text = read_lines(path)
+    head = text.lines[: SETTINGS.header_lines_max]
+    if re.match(r"\s*<(!doctype|html|\?xml)", head[0], re.IGNORECASE):
+        raise InputError(place=text.place, found="is a web page or XML", remedy="Download the file itself")
     for form in (_with_joined_signs, _transposed, _without_notes_beside):
-        if (table := form(path, head, options)) is not None:
+        if (table := form(text, head, options)) is not None:
             return table
-    delimiter, first = find_data(head.lines, options.delimiter)
+    delimiter, first = find_data(head, options.delimiter)
     if first is None:
         # There is no row of numbers. If the only line consists of column names, it is the header of a record
         # without samples. Other texts are notes.
-        lines = [line for line in head.lines if line.strip() and not line.startswith("#")]
+        lines = [line for line in head if line.strip() and not line.startswith("#")]
         widths = [len(split_line(line, sign)) for line in lines for sign in DELIMITERS[:-1]]
         is_empty_record = len(lines) == 1 and max(widths) >= SETTINGS.empty_record_columns_min
         raise (InputError if is_empty_record else NoTableError)(
-            place=f"{path}",
-            found=f"no rows of numbers in the first {len(head.lines)} lines",
+            place=text.place,
+            found=f"no rows of numbers in the first {len(head)} lines",
             expected="a header and at least two columns, separated by comma, semicolon, tab, bar or blanks",
         )
-    header = read_header(head.lines, first, delimiter)
-    refuse_two_commas(path, head.lines, first, delimiter)
-    decimal = options.decimal or find_decimal(path, head.lines[first:], delimiter)
-    layout = Layout("delimited text", delimiter, decimal, first, notes=head.notes)
+    header = read_header(head, first, delimiter)
+    refuse_two_commas(text.place, head, first, delimiter)
+    decimal = options.decimal or find_decimal(text.place, head[first:], delimiter)
+    layout = Layout("delimited text", delimiter, decimal, first, notes=text.notes)
     # A text without comments between the rows is first read as one table, which is fast.
-    if _content(path).find(b"\n#", head.starts[first]) < 0:
+    if not any(line.startswith("#") for line in text.lines[first:]):
         with suppress(InputError):  # The invalid cell may be in a line of words between two blocks.
-            table = _table(path, header, layout, head.starts[first])
+            table = _table(text, header, layout)
             # A last row without numbers may be a line of words.
             if not all(np.isnan(values[-1]) for values in table.columns.values()):
                 return table
-    table, *others = _tables_of_blocks(path, head, header, layout)
+    table, *others = _tables_of_blocks(text, header, layout)
     return replace(table, following=tuple(others))
 
 
-def _table(path: TextSource, header: Header, layout: Layout, start: int, stop: int = sys.maxsize) -> Table:
-    """Return the table of the rows from byte ``start`` to byte ``stop``, with factors of the header."""
-    table = parse_rows(path, start, header.names, layout, stop)
-    table = replace(table, said=header.said)
+def _table(text: Text, header: Header, layout: Layout, stop: int | None = None) -> Table:
+    """Return the table of the rows up to the line ``stop`` or the end, with factors of the header."""
+    table = replace(parse_rows(text, header.names, layout, stop), said=header.said)
     stated_rows = [int(stated[1]) for line in header.said if (stated := _COUNT.search(line))]
-    if stop == sys.maxsize and table.rows < max(stated_rows, default=0):
+    if stop is None and table.rows < max(stated_rows, default=0):
         found = f"holds {table.rows} samples where its header states {max(stated_rows)}: it was cut off"
         remedy = "Copy it again, or correct the number if the rest is not wanted"
-        raise InputError(place=f"{path}", found=found, remedy=remedy)
+        raise InputError(place=text.place, found=found, remedy=remedy)
     if header.sampling is not None:
         table = with_samplings(table, dict.fromkeys(table.columns, header.sampling))
     table = _converted(table, header.spans, "converted with the spans or the equation above the table")
-    if not header.scales:
-        return table
     scaled = {name: scale for name, scale in header.scales.items() if name in table.columns}
     if len(scaled) < 2 or any((table.columns[name] % 1.0).any() for name in scaled):
         return replace(table, scales={name: factor for name, (factor, _) in scaled.items()})
@@ -128,7 +108,7 @@ def _table(path: TextSource, header: Header, layout: Layout, start: int, stop: i
         if np.prod(counts * factor + offset) > 0.0 and counts[0] < offset < counts[1]:
             found = f"the offset {offset:g} of {name!r} may belong to the counts or to the values"
             remedy = "Write the equation above the table, such as 'value = (count - offset) * factor'"
-            raise InputError(place=f"{path}", found=found, remedy=remedy)
+            raise InputError(place=text.place, found=found, remedy=remedy)
     return _converted(table, scaled, "counts multiplied by the factors above the table")
 
 
@@ -139,22 +119,16 @@ def _converted(table: Table, scales: Mapping[str, tuple[float, float]], note: st
     return replace(table, columns={**table.columns, **columns}, layout=replace(table.layout, notes=notes))
 
 
-def _content(path: TextSource) -> bytes:
-    """Return the bytes of a text."""
-    with open_text_bytes(path) as stream:
-        return stream.read()
-
-
-def _tables_of_blocks(path: TextSource, head: Head, header: Header, layout: Layout) -> list[Table]:
+def _tables_of_blocks(text: Text, header: Header, layout: Layout) -> list[Table]:
     """Return the table of each block of rows."""
     first, delimiter = layout.header_lines or 0, layout.delimiter
-    blocks, trailer = find_blocks(_content(path), head.starts[first], first, delimiter, head.encoding)
+    blocks, trailer = find_blocks(text.lines, first, delimiter)
     long = [block for block in blocks if block.rows >= SETTINGS.table_rows_min]
     headings = {block.above[-1] for block in long if block.above}  # The last page of a listing may be short.
     long = [block for block in blocks if block in long or headings.intersection(block.above[-1:])]
     if not long or (len(blocks) == 1 and not trailer):
-        return [_table(path, header, layout, head.starts[first])]
-    notes, above = layout.notes, [line for line in head.lines[:first] if line.strip()]
+        return [_table(text, header, layout)]
+    notes, above = layout.notes, [line for line in text.lines[:first] if line.strip()]
     # Above the first block are lines that describe the file, then lines that describe the block. Above a
     # later block are only lines of the second type. Their largest number is assumed for the first block too.
     count = len(above) - max((len(block.above) for block in long[1:]), default=len(above))
@@ -163,12 +137,12 @@ def _tables_of_blocks(path: TextSource, head: Head, header: Header, layout: Layo
     # The last line about the file may state a current. Without a blank line between this line and the column
     # names, the current may apply only to the first block.
     near = [line for line in statements(shared[-1:], delimiter) if labels_in(line, "current")]
-    is_near = bool(near) and all(map(str.strip, head.lines[head.lines.index(shared[-1]) : first]))
+    is_near = bool(near) and all(map(str.strip, text.lines[text.lines.index(shared[-1]) : first]))
     stated: list[str] = []
     if trailer:
         notes += (f"{len(trailer)} line{'s' if len(trailer) > 1 else ''} of words below the rows",)
         if len(blocks) == 1:
-            lines = (*trailer, "", *head.lines[:first], long[0].first_row)
+            lines = (*trailer, "", *text.lines[: first + 1])
             header = read_header(lines, len(lines) - 1, delimiter)
     if len(long) > 1:
         notes += (f"{len(long)} blocks of rows",)
@@ -177,133 +151,98 @@ def _tables_of_blocks(path: TextSource, head: Head, header: Header, layout: Layo
     tables: list[Table] = []
     for block in long:
         if block.above:
-            lines = (*block.above, block.first_row)
+            lines = (*block.above, text.lines[block.first])
             own = read_header(lines, len(lines) - 1, delimiter)
             is_bare = not own.named and len(own.names) == len(header.names)
             header = replace(header, said=own.said) if is_bare else own
-        rows = replace(layout, header_lines=block.first_line, notes=notes)
+        rows = replace(layout, header_lines=block.first, notes=notes)
         own_lines = header.said or (near if is_near else ())
         restated = [role for role in CONDITIONS if any(labels_in(line, role) for line in own_lines)]
         inherited = (line for line in stated if not any(labels_in(line, role) for role in restated))
         whole = replace(header, said=(*inherited, *header.said))
-        tables.append(_table(path, whole, rows, block.start, block.stop))
+        tables.append(_table(text, whole, rows, block.stop))
     return tables
 
 
-def _with_joined_signs(path: TextSource, head: Head, options: FileOptions) -> Table | None:
+def _with_joined_signs(text: Text, head: Sequence[str], options: FileOptions) -> Table | None:
     """Return the table of a text with blanks between signs and digits, else None.
 
     A sign may also be a mark of a missing value. All rows then have the same number of cells with it.
     """
-    if not any(_SIGN_APART.search(line) for line in head.lines):
+    if not any(_SIGN_APART.search(line) for line in head):
         return None
-    joined = [_LONE_SIGN.sub(r"\1\2", line) for line in head.lines]
-    apart = [_SIGN_APART.sub("0", line) for line in head.lines]
+    joined = [_LONE_SIGN.sub(r"\1\2", line) for line in text.lines]
+    apart = [_SIGN_APART.sub("0", line) for line in head]
     counts, others = (
         {len(fields) for line in lines if 1 < count_numbers(fields := line.split()) == len(fields)}
-        for lines in (joined, apart)
+        for lines in (joined[: len(head)], apart)
     )
-    if not len(counts) == 1 < len(others):
-        return None
-    text = _content(path).decode(head.encoding).replace("\f", "\n")
-    return read_text(TextInMemory(f"{path}", _LONE_SIGN.sub(r"\1\2", text).encode()), options)
+    return read_text(replace(text, lines=joined), options) if len(counts) == 1 < len(others) else None
 
 
-def _transposed(path: TextSource, head: Head, options: FileOptions) -> Table | None:
+def _transposed(text: Text, _head: Sequence[str], options: FileOptions) -> Table | None:
     """Return the table of a text if each row is a channel (perhaps its name, then samples), else None."""
-    if len(head.lines) > SETTINGS.table_columns_max:
+    if len(text.lines) > SETTINGS.table_columns_max:
         return None
-    lines = _content(path).decode(head.encoding).splitlines() or [""]
-    longest = max(lines, key=len)
+    longest = max(text.lines, key=len)
     delimiter = options.delimiter or max(
         DELIMITERS, key=lambda sign: count_numbers(split_line(longest, sign))
     )
-    rows = [row for line in lines if any(row := split_line(line.rstrip(f"{delimiter} "), delimiter))]
+    rows = [row for line in text.lines if any(row := split_line(line.rstrip(f"{delimiter} "), delimiter))]
     long = [row for row in rows if len(row) > max(SETTINGS.table_columns_max, len(rows))]
     kinds = {(is_number(row[0]), is_number(row[-1])) for row in long}
     if len(long) < 2 or kinds not in ({(True, True)}, {(False, True)}):
         return None
     above = [row for row in rows if row not in long]
-    return _rearranged(path, above, zip_longest(*long, fillvalue=""), options, "a row for each channel")
+    return _rearranged(text, above, zip_longest(*long, fillvalue=""), options, "a row for each channel")
 
 
-def _without_notes_beside(path: TextSource, head: Head, options: FileOptions) -> Table | None:
+def _without_notes_beside(text: Text, head: Sequence[str], options: FileOptions) -> Table | None:
     """Return the table of a text with columns of notes next to the samples, else None.
 
     Notes are entries (label, value). Their columns are to the left of the samples, or to the right behind an
     empty column. The rows in the second half of the searched lines have no entries.
     """
-    delimiter = options.delimiter or max(
-        DELIMITERS[:-1], key=lambda sign: sum(sign in line for line in head.lines)
-    )
-    rows = [split_line(line, delimiter) for line in head.lines]
+    delimiter = options.delimiter or max(DELIMITERS[:-1], key=lambda sign: sum(sign in line for line in head))
+    rows = [split_line(line, delimiter) for line in head]
     late = [k for row in rows[len(rows) // 2 :] for k, cell in enumerate(row) if cell]
     first, last = min(late, default=0), max(late, default=0) + 1
     entries = [cells for row in rows if len(cells := [cell for cell in row[:first] + row[last:] if cell]) > 1]
     are_apart = not any(row[last : last + 1] not in ([], [""]) for row in rows)
     if len(entries) < 2 or not are_apart or not all(cells[0][:1].isalpha() for cells in entries):
         return None
-    lines = _content(path).decode(head.encoding).splitlines()
-    cut = [split_line(line, delimiter)[first:last] for line in lines]
-    return _rearranged(path, entries, cut, options, "notes next to the samples")
+    cut = [split_line(line, delimiter)[first:last] for line in text.lines]
+    return _rearranged(text, entries, cut, options, "notes next to the samples")
 
 
 def _rearranged(
-    path: TextSource,
+    text: Text,
     above: Sequence[Sequence[str]],
     rows: Iterable[Sequence[str]],
     options: FileOptions,
     note: str,
 ) -> Table:
     """Return the table of rearranged cells: lines above the table, then its rows."""
-    text = "\n".join(map("\t".join, [*above, [], *rows, []]))
-    source = TextInMemory(f"{path}", text.encode())
-    table = read_text(source, FileOptions(delimiter="\t", decimal=options.decimal))
+    lines = [*map("\t".join, [*above, [], *rows])]
+    table = read_text(replace(text, lines=lines), FileOptions(delimiter="\t", decimal=options.decimal))
     return replace(table, layout=replace(table.layout, notes=(*table.layout.notes, note)))
 
 
-def read_head(path: TextSource) -> Head:
-    """Return the first lines of a text. Raise InputError if its encoding or line ends are not supported."""
-    with open_text_bytes(path) as stream:
-        content = stream.read(_HEAD_BYTES)
-        is_converted = isinstance(stream, io.BytesIO) and not isinstance(path, TextInMemory)
-    if re.match(rb"\s*<(!doctype|html|\?xml)", content[:64], re.IGNORECASE):
-        raise InputError(place=f"{path}", found="is a web page or XML", remedy="Download the file itself")
-    end = rb"\n|(?<!\n)\Z" if len(content) < _HEAD_BYTES else rb"\n"  # The last line may lack a \n.
-    edges = [0, *(match.end() for match in re.finditer(end, content))][: SETTINGS.header_lines_max + 1]
-    if edges == [0]:
-        found = f"the first line has more than {_HEAD_BYTES} bytes"
-        raise InputError(place=f"{path}", found=found, remedy="Split it")
-    encoding = encoding_of(path, content[: edges[-1]])
-    if content.startswith(b"\xef\xbb\xbf"):
-        edges[0] = 3
-    lines = tuple(content[a:b].decode(encoding).rstrip("\r\n") for a, b in pairwise(edges))
-    notes = (f"not UTF-8: read as {READ_AS[encoding]}",) if encoding in READ_AS else ()
-    notes = ("read from UTF-16, or from lines that end in CR",) if is_converted else notes
-    return Head(lines, tuple(edges), notes, encoding)
-
-
-def parse_rows(
-    path: TextSource, start: int, names: Sequence[str], layout: Layout, stop: int = sys.maxsize
-) -> Table:
-    """Return the columns of the rows from byte ``start`` to byte ``stop`` or the end.
+def parse_rows(text: Text, names: Sequence[str], layout: Layout, stop: int | None = None) -> Table:
+    """Return the columns of the rows below the header up to the line ``stop`` or the end.
 
     A column is numeric if at least half of its filled cells are numbers. Columns of times of day or dates are
     converted to seconds. Raise InputError with the line number if a numeric column has an invalid cell.
     """
     order = distinct_names(names)
-    content = _content(path)[start:stop]
-    if (zero := content.find(b"\0")) >= 0:
-        line = (layout.header_lines or 0) + content[:zero].count(b"\n") + 1
-        remedy = "The file was cut off while it was written: cut the rest off, or record again"
-        raise InputError(place=f"{path}", found=f"holds zero bytes after about line {line}", remedy=remedy)
-    numbers = _parse_numbers(content, layout, order)
+    first = layout.header_lines or 0
+    lines = text.lines[first:stop]
+    numbers = _parse_numbers(lines, layout, order)
     words: dict[str, Texts] = {}
     stamps: dict[str, Moment] = {}
     if numbers is None:
         numbers = {}
-        text = content.decode(encoding_of(path, content))
-        cells = with_dates(cells_of_text(text, layout, len(order), (layout.header_lines or 0) + 1))
+        cells = with_dates(cells_of_lines(lines, layout, len(order), first + 1))
         for name, given in zip(order, cells, strict=True):
             column, moment = given.as_times() if given.mostly_text else (given, None)
             if column.mostly_text:
@@ -313,7 +252,9 @@ def parse_rows(
                 row, cell = column.first_bad()
                 found = f"column {name!r} holds {cell!r} ({column.bad} such cells)"
                 expected, remedy = "a time" if moment else "a number", "Correct the cell, or omit its row"
-                raise InputError(place=f"{path}, line {row}", found=found, expected=expected, remedy=remedy)
+                raise InputError(
+                    place=f"{text.place}, line {row}", found=found, expected=expected, remedy=remedy
+                )
             numbers[name] = column.numbers
             stamps |= {name: moment} if moment else {}
     units = dict.fromkeys(stamps, "s")
@@ -341,17 +282,19 @@ def _add_milliseconds(numbers: dict[str, FloatArray], clock: str, beside: Sequen
             numbers[clock] = numbers[clock] + 1e-3 * (numbers.pop(name) - part[0])
 
 
-def _parse_numbers(content: bytes, layout: Layout, names: Sequence[str]) -> dict[str, FloatArray] | None:
+def _parse_numbers(
+    lines: Sequence[str], layout: Layout, names: Sequence[str]
+) -> dict[str, FloatArray] | None:
     """Return the columns of rows, which NumPy parses quickly, or None if a cell is not a number."""
-    if not content.strip() or layout.decimal == layout.delimiter:
+    if not any(map(str.strip, lines)) or layout.decimal == layout.delimiter:
         return None
     if layout.decimal == ",":
-        if b"." in content:
+        if any("." in line for line in lines):
             return None
-        content = content.replace(b",", b".")
+        lines = [line.replace(",", ".") for line in lines]
     delimiter = None if layout.delimiter == " " else layout.delimiter
     try:
-        columns = np.loadtxt(io.BytesIO(content), delimiter=delimiter, comments=None, ndmin=2).T
+        columns = np.loadtxt(lines, delimiter=delimiter, comments=None, ndmin=2).T
     except ValueError:
         return None
     return (

@@ -16,7 +16,7 @@ from pathlib import Path
 from mrdamper.data.finding import Finding
 from mrdamper.data.formats.excel import WORKBOOK_SIGNATURES, sheet_lines
 from mrdamper.data.formats.lines.cells import is_number
-from mrdamper.data.formats.lines.encodings import encoding_of, open_text_bytes
+from mrdamper.data.formats.lines.encodings import read_lines
 from mrdamper.data.formats.lines.header import DELIMITERS, holds_samples, line_of, split_line, with_unit
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Table
@@ -257,10 +257,8 @@ def _lines_of(path: Path) -> list[str]:
             return sheet_lines(path)[: SETTINGS.document_lines_max]
     if not is_text(head):
         return []
-    with open_text_bytes(path) as stream:
-        content = stream.read()
-    suffix, text = path.suffix.lower(), content.decode(encoding_of(path, content))
-    lines = entries_of(text, suffix) if suffix in NOTATIONS else text.splitlines()
+    lines, suffix = read_lines(path).lines, path.suffix.lower()
+    lines = entries_of("\n".join(lines), suffix) if suffix in NOTATIONS else lines
     return lines[: SETTINGS.document_lines_max]
 
 

@@ -24,7 +24,7 @@ from typing import IO, Any
 
 from mrdamper.data.formats.excel import ZIP_SIGNATURE
 from mrdamper.data.formats.lines.cells import is_number
-from mrdamper.data.formats.lines.encodings import encoding_of, open_text_bytes
+from mrdamper.data.formats.lines.encodings import read_lines
 from mrdamper.data.formats.lines.header import DELIMITERS, find_data, holds_samples
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.text import read_text
@@ -193,7 +193,7 @@ def _is_column(file: Path) -> bool:
     """Return True if a text consists of numbers in one column below lines of words."""
     if b"\0" in _head(file)[:512]:
         return False
-    are_numbers = [is_number(line.strip()) for line in _text(file).splitlines() if line.strip()]
+    are_numbers = [is_number(line.strip()) for line in _lines(file) if line.strip()]
     return sum(are_numbers) > 1 and all(are_numbers[are_numbers.index(True) : -1])
 
 
@@ -215,7 +215,7 @@ def _may_hold_runs(file: Path) -> bool:
     formats = [known for known in FORMATS if known.recognises(head[:512])]
     if not formats or formats[0].read is not read_text:
         return bool(formats) or _is_packed(head) or (suffix == ".txt" and b"\0" in head)
-    lines = _text(file).splitlines()
+    lines = _lines(file)
     if is_known and (len(head) == HEAD_BYTES or find_data(lines)[1] is not None):
         return True
     if is_known:
@@ -231,10 +231,8 @@ def _head(file: Path) -> bytes:
         return b""
 
 
-def _text(file: Path) -> str:
+def _lines(file: Path) -> Sequence[str]:
     try:
-        with open_text_bytes(file) as stream:
-            content = stream.read(HEAD_BYTES)
-            return content.decode(encoding_of(file, content[: content.rfind(b"\n") + 1]), "replace")
+        return read_lines(file, HEAD_BYTES).lines
     except (OSError, InputError):  # An unreadable file is reported later.
-        return ""
+        return ()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from mrdamper.data.formats.lines.header import count_numbers, is_comment, split_line
@@ -23,27 +23,20 @@ _WORD = re.compile(r"\W*[^\W\d_]")
 class Block:
     """Position of consecutive rows in a text, and the lines above these rows."""
 
-    start: int  # Offset of the first row [bytes].
+    first: int  # Index of the first line.
     stop: int
-    first_line: int  # Number of lines before the first row.
     rows: int
     above: tuple[str, ...]
-    first_row: str
 
 
-def find_blocks(
-    content: bytes, start: int, first_line: int, delimiter: str, encoding: str
-) -> tuple[list[Block], list[str]]:
-    """Return the list of blocks from byte ``start`` on, and the lines below the last block."""
+def find_blocks(lines: Sequence[str], first: int, delimiter: str) -> tuple[list[Block], list[str]]:
+    """Return the list of blocks from the line ``first`` on, and the lines below the last block."""
     blocks: list[Block] = []
     above: list[str] = []  # Lines of words since the last block.
     waiting: list[str] = []  # Last lines of the current block; they may be rows or words.
     numeric: list[int] = []  # Indices of the numeric cells in the first row of the block.
     block: Block | None = None  # The block to which the next row belongs.
-    at = start
-    for number, raw in enumerate(content[start:].splitlines(keepends=True), first_line):
-        line = raw.decode(encoding, "replace").rstrip("\r\n")
-        begin, at = at, at + len(raw)
+    for number, line in enumerate(lines[first:], first):
         if not line.strip(delimiter + " \t"):
             continue
         cells = split_line(line, delimiter)
@@ -52,7 +45,7 @@ def find_blocks(
             is_value = cells[0] in {"", *MISSING_MARKS} or count_numbers(cells[:1]) > 0 or is_time(cells[0])
             if not is_comment(line) and count_numbers(cells) >= 2 and (is_value or not blocks):
                 numeric = [k for k, cell in enumerate(cells) if count_numbers([cell])]
-                block, above = Block(begin, at, number, 1, tuple(above), line), []
+                block, above = Block(number, number + 1, 1, tuple(above)), []
             else:
                 above.append(line)
             continue
@@ -61,7 +54,7 @@ def find_blocks(
             waiting.append(line)
         elif kind == "row":
             rows = block.rows + 1 + len(waiting)
-            block, waiting = Block(block.start, at, block.first_line, rows, block.above, block.first_row), []
+            block, waiting = replace(block, stop=number + 1, rows=rows), []
         else:
             blocks.append(block)
             block, above, waiting = None, [*waiting, line], []

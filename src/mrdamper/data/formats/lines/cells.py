@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 import math
 import re
 from collections.abc import Sequence
@@ -102,27 +101,26 @@ def with_dates(columns: Sequence[Cells]) -> list[Cells]:
     return found
 
 
-def cells_of_text(content: str, layout: Layout, count: int, first_line: int) -> list[Cells]:
+def cells_of_lines(lines: Sequence[str], layout: Layout, count: int, first_line: int) -> list[Cells]:
     """Return the columns of a block without empty rows and comments."""
     delimiter = layout.delimiter
     if delimiter == " ":
         delimiter = "\t"
-        content = re.sub(r"[ \t]+", "\t", re.sub(r"(?m)^[ \t]+|[ \t]+(?=\r?$)", "", content))
+        lines = [re.sub(r"[ \t]+", "\t", line.strip(" \t")) for line in lines]
     rows: list[list[str | None]] = []
-    lines: list[int] = []
-    text = io.StringIO(content, newline="")
-    reader = csv.reader(text, delimiter=delimiter, skipinitialspace=True)
+    numbers: list[int] = []
+    reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
     number = first_line
     for row in reader:
         cells = [cell.strip(_AROUND) or None for cell in row[:count]]
         if any(cells) and not row[0].startswith("#"):
             rows.append([*cells, *[None] * (count - len(cells))])
-            lines.append(number)
+            numbers.append(number)
         number = first_line + reader.line_num
     columns = zip(*rows, strict=True) if rows else [()] * count
     return [
         Cells(
-            [*column], [None if cell is None else number_in(cell, layout.decimal) for cell in column], lines
+            [*column], [None if cell is None else number_in(cell, layout.decimal) for cell in column], numbers
         )
         for column in columns
     ]

@@ -5,12 +5,10 @@ A wrong choice damages only words: numbers and their units are ASCII in each of 
 
 from __future__ import annotations
 
-import io
 import re
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
 
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.errors import InputError
@@ -54,44 +52,46 @@ def utf16_of(head: bytes) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class TextInMemory:
-    """A text from a part of a file, such as a sheet of a workbook."""
+class Text:
+    """The lines of a text, its name in messages, and remarks on how it was read."""
 
     place: str
-    content: bytes  # UTF-8
-
-    def __str__(self) -> str:
-        return self.place
+    lines: list[str]
+    notes: tuple[str, ...] = ()
 
 
-TextSource = Path | TextInMemory
+def read_lines(source: Path | Text, size: int = -1) -> Text:
+    """Return the lines of a text, or of its first ``size`` bytes. Line ends are LF, CR LF, CR or form feeds.
 
-
-def open_text_bytes(source: TextSource) -> BinaryIO:
-    """Open a text for reading as bytes. UTF-16 is converted to UTF-8, and line ends of CR alone to LF.
-
-    Raise InputError if a text in UTF-16 is damaged, or if a text is larger than 512 MB.
+    Raise InputError if the text is damaged, larger than 512 MB, or in no supported encoding.
     """
-    if isinstance(source, TextInMemory):
-        return io.BytesIO(source.content)
-    if source.stat().st_size > SETTINGS.whole_file_max_bytes:
+    if isinstance(source, Text):
+        return source
+    if size < 0 and source.stat().st_size > SETTINGS.whole_file_max_bytes:
         found = f"a text of more than {SETTINGS.whole_file_max_bytes >> 20} MB"
         raise InputError(place=source, found=found, remedy="Split the file")
     with source.open("rb") as stream:
-        head = stream.read(1 << 16)
-    wide = utf16_of(head[:512])
-    if not wide and (b"\n" in head or head.count(b"\r") < 2):
-        return source.open("rb")
+        content = stream.read(size)
+    encoding = utf16_of(content[:512])
+    notes = ("read from UTF-16",) if encoding else ()
+    if not encoding:
+        # The last of ``size`` bytes may be a part of a letter.
+        encoding = encoding_of(f"{source}", content if size < 0 else content[: content.rfind(b"\n") + 1])
+        notes = (f"not UTF-8: read as {READ_AS[encoding]}",) if encoding in READ_AS else ()
     try:
-        content = source.read_bytes().decode(wide).encode() if wide else source.read_bytes()
+        text = content.decode(encoding, "strict" if size < 0 else "replace")
     except UnicodeError as error:
-        raise InputError(
-            place=source, found=f"the text is UTF-16 and damaged ({error})", remedy="Save the file as UTF-8"
-        ) from error
-    return io.BytesIO(content if b"\n" in content else content.replace(b"\r", b"\n"))
+        found = f"the text is UTF-16 and damaged ({error})"
+        raise InputError(place=source, found=found, remedy="Save the file as UTF-8") from error
+    if (zero := text.find("\0")) >= 0:
+        found = f"holds zero bytes after about line {text.count(chr(10), 0, zero) + 1}"
+        remedy = "The file was cut off while it was written: cut the rest off, or record again"
+        raise InputError(place=source, found=found, remedy=remedy)
+    lines = re.sub("\r\n?|\f", "\n", text).removesuffix("\n").split("\n")
+    return Text(f"{source}", lines, notes)
 
 
-def encoding_of(path: TextSource, content: bytes) -> str:
+def encoding_of(place: str, content: bytes) -> str:
     """Return the encoding of a text that is not UTF-16.
 
     Raise InputError if the bytes are not a text of numbers in a supported encoding.
@@ -103,7 +103,7 @@ def encoding_of(path: TextSource, content: bytes) -> str:
         if is_plain and (encoding := _eastern(content) or _western(content)):
             return encoding
         found = f"byte {error.start} is not UTF-8 text (0x{content[error.start]:02x})"
-        raise InputError(place=f"{path}", found=found, remedy="Save the file as UTF-8") from error
+        raise InputError(place=place, found=found, remedy="Save the file as UTF-8") from error
     return UTF8
 
 

@@ -11,7 +11,6 @@ from itertools import pairwise, zip_longest
 
 from mrdamper.data.formats.groups import attribute_lines
 from mrdamper.data.formats.lines.cells import is_number, number_in
-from mrdamper.data.formats.lines.encodings import TextSource
 from mrdamper.data.formats.lines.properties import (
     Header,
     find_properties,
@@ -391,7 +390,7 @@ def split_line(line: str, delimiter: str) -> list[str]:
     return [part.strip().strip('"').strip() for part in parts]
 
 
-def find_decimal(path: TextSource, rows: Sequence[str], delimiter: str) -> str:
+def find_decimal(place: str, rows: Sequence[str], delimiter: str) -> str:
     """Return the decimal sign of the rows, "" if no number has decimals.
 
     If a cell has both signs, as in 1,234.5, the last sign is the decimal sign. Two equal signs in a cell
@@ -407,7 +406,7 @@ def find_decimal(path: TextSource, rows: Sequence[str], delimiter: str) -> str:
     if len(found) > 1:
         examples = " and ".join(repr(next(text for text in fields if sign in text)) for sign in ".,")
         raise InputError(
-            place=f"{path}",
+            place=place,
             found=f"numbers have decimal points and decimal commas ({examples})",
             expected="one of them",
             remedy="Export the numbers without separators of thousands",
@@ -415,7 +414,7 @@ def find_decimal(path: TextSource, rows: Sequence[str], delimiter: str) -> str:
     return found.pop() if found else ""
 
 
-def refuse_two_commas(path: TextSource, lines: Sequence[str], first: int, delimiter: str) -> None:
+def refuse_two_commas(place: str, lines: Sequence[str], first: int, delimiter: str) -> None:
     """Raise InputError if a comma may be a delimiter or a decimal sign: 0,5,1,25 is two numbers or four.
 
     A cell "1,234" in quotation marks is 1.234 or 1234 unless a different cell shows the meaning of the comma.
@@ -428,7 +427,7 @@ def refuse_two_commas(path: TextSource, lines: Sequence[str], first: int, delimi
     if quoted and all(_THOUSANDS.fullmatch(cell) for cell in quoted):
         found = f"commas separate columns and perhaps thousands ({quoted[0]!r})"
         remedy = "Export the numbers without separators of thousands"
-        raise InputError(place=f"{path}", found=found, expected="numbers as 1234.5", remedy=remedy)
+        raise InputError(place=place, found=found, expected="numbers as 1234.5", remedy=remedy)
     fields = split_line(lines[first], delimiter)
     above = next((line for line in reversed(lines[:first]) if line.strip()), "")
     names = split_line(_COMMENT.sub("", above), delimiter)
@@ -437,4 +436,4 @@ def refuse_two_commas(path: TextSource, lines: Sequence[str], first: int, delimi
     if all(_WHOLE.fullmatch(text) for text in fields):
         line = f"{len(names)} names and {len(fields)} fields in line {first + 1}: commas may be decimals"
         remedy = "Export with semicolons, or with decimal points"
-        raise InputError(place=f"{path}", found=line, remedy=remedy)
+        raise InputError(place=place, found=line, remedy=remedy)
