@@ -231,16 +231,16 @@ def parse_header(header: str) -> tuple[str, str] | None:
     ``force_N_2``, are ignored.
     """
     text = _NUMBERED.sub(r"\1", header.translate(_NARROW).strip())
-    for form in _FORMS:
-        match = form.fullmatch(text)
-        if match and (role := _role_of(match[1])) is not None:
-            unit = match[2].strip()
-            return role, unit if is_unit_beside(unit, role) else ""
-    for match in (form.fullmatch(text) for form in (*_FORMS_WITH_UNIT, _BLANK)):
-        word, unit = (match[1].strip(), match[2].strip()) if match else ("", "")
-        for role in roles_of_unit(unit):
-            if word == QUANTITIES[role].symbol or _role_of(word) == role:
-                return role, unit
+    word, unit = word_and_unit(text)
+    for role in roles_of_unit(unit):
+        if word == QUANTITIES[role].symbol or _role_of(word) == role:
+            return role, unit
+    for match in (form.fullmatch(text) for form in _FORMS):
+        if match and (role_of_word := _role_of(match[1])) is not None:
+            unit, roles = match[2].strip(), roles_of_unit(match[2].strip())
+            # A single letter may number the sensors: "force_A", "force_B".
+            is_unit_of = {role_of_word, "voltage"} & {*roles} or (roles and len(unit.strip("[]() ")) > 1)
+            return role_of_word, unit if is_unit_of else ""
     return None
 
 
@@ -251,16 +251,6 @@ def strip_channel(stem: str) -> str:
     symbols = {quantity.symbol for quantity in QUANTITIES.values()} | {""}
     channels = {word for word in words if parse_header(word) or _COIL.fullmatch(word.lower())} | symbols
     return "_".join(word for word in words if word not in channels)
-
-
-def is_unit_beside(text: str, role: str) -> bool:
-    """Return True if the text next to a word of a role is a unit.
-
-    A single letter must be a unit of the role, or V, because other letters may number the sensors:
-    ``force_A``, ``force_B``.
-    """
-    roles = roles_of_unit(text)
-    return role in roles or "voltage" in roles or (bool(roles) and len(text.strip("[]() ")) > 1)
 
 
 def names_by_symbol(header: str) -> bool:

@@ -66,17 +66,18 @@ CONDITIONS = ("current", "voltage", "temperature")
 DOCUMENT = "document"  # The source of a value from a document begins with this word.
 # Cyrillic units are mapped to Latin units. Any other Cyrillic letter ends a unit: "Вт" is not a volt.
 _CYRILLIC = dict.fromkeys(range(0x400, 0x500), "x") | str.maketrans("АВСм", "AVCm")
-_PER_VOLT = {"V": 1.0, "v": 1.0, "mV": 1e3}
+_PER_VOLT = {"V": 1.0, "mV": 1e3}
+_VOLTS = re.compile(r"\b(milli)?volts?\b", re.IGNORECASE)
+_UNIT = r"([^\W\d_]{1,3}(?:/s)?)"
 _SCALE = re.compile(
-    rf"({_NUMBER})\s*([^\W\d_]{{1,3}}(?:/s)?)\s*(?:/|per)\s*(m?V|v(?=olt))(?:olt)?s?(?![\w/])"
+    rf"(?<![\d.,])({_NUMBER})\s*{_UNIT}\s*(?:/|per)\s*{_UNIT}(?![\w/])"
+)  # "10 mm/V", "100 mV/A"
+_SCALE_BEFORE = re.compile(rf"(?<![^\s\[(]){_UNIT}/(m?V)[\])]?[\s:=]+({_NUMBER})(?![\w/])")  # "[N/V] 500"
+_SCALE_OF_VOLTS = re.compile(
+    rf"(?<![\d.,])({_NUMBER})\s*(m?V)\s*(?:=|≙|->|→)\s*±?({_NUMBER})\s*{_UNIT}(?![\w/])"
 )
-_SCALE_BEFORE = re.compile(rf"(?<![^\s\[(])([^\W\d_]{{1,3}}(?:/s)?)/(m?V)[\])]?[\s:=]+({_NUMBER})(?![\w/])")
 _POINT_OF_SPAN = re.compile(
     rf"(?<![\w.,])([+-]?\s?{_NUMBER})\s*(%|m?V|mA)\s*(?:=|≙|->|→|:)\s*([+-]?\s?{_NUMBER})\s*([°º]?[^\W\d_]{{1,3}}(?:/s)?)(?![\w/])"
-)
-_VOLTS_PER = re.compile(rf"(?<![\d.,])({_NUMBER})\s*(m?V)\s*(?:/|per)\s*([^\W\d_]{{1,3}})(?![\w/])")
-_SCALE_OF_ONE = re.compile(
-    rf"(?<![\d.,])1\s*V\s*(?:=|≙|->|:)\s*({_NUMBER})\s*([^\W\d_]{{1,3}}(?:/s)?)(?![\w/])"
 )
 _RANGE_WORDS = (
     r"range|full.?scale|\bf\.?s\b|100 ?%|bereich|endwert|plage|rango|escala|scala|échelle|étendue|zakres"
@@ -172,15 +173,16 @@ def places_of(title: str, said: Iterable[str], path: Path) -> tuple[Place, ...]:
 
 
 def scales_in(line: str) -> tuple[tuple[float, str], ...]:
-    """Return the scales in a line as (number per volt, unit): ``10 mm/V``, ``1 V = 10 mm``, ``100 mV/A``."""
-    found = _SCALE.findall(line)
-    found += [(number, unit, "V") for number, unit in _SCALE_OF_ONE.findall(line)]
-    found += [(number, unit, volt) for unit, volt, number in _SCALE_BEFORE.findall(line)]
-    scales = [(_to_float(number) * _PER_VOLT[volt], unit) for number, unit, volt in found]
-    for number, volt, unit in _VOLTS_PER.findall(line):
-        volts = _to_float(number) / _PER_VOLT[volt]
-        scales += [(1.0 / volts, unit)] * (volts > 0.0 and unit not in {"V", "s"})
-    return tuple(scales)
+    """Return the scales in a line as (number per volt, unit): ``10 mm/V``, ``5 V = 50 mm``, ``100 mV/A``."""
+    if (span := span_in(line)) is not None and span[2] != 0.0:
+        return ()
+    line = _VOLTS.sub(lambda match: "mV" if match[1] else "V", line)
+    stated = _SCALE.findall(line) + [(number, unit, per) for unit, per, number in _SCALE_BEFORE.findall(line)]
+    ratios = [(_to_float(number), unit, 1.0, per) for number, unit, per in stated]
+    for volts, raw, number, unit in _SCALE_OF_VOLTS.findall(line):
+        ratios.append((_to_float(number), unit, _to_float(volts), raw))
+    ratios += [(per, raw, number, unit) for number, unit, per, raw in ratios if raw not in {"V", "s"}]
+    return tuple((a / b * _PER_VOLT[raw], unit) for a, unit, b, raw in ratios if raw in _PER_VOLT and b > 0.0)
 
 
 def span_in(line: str) -> tuple[str, float, float, str, str] | None:

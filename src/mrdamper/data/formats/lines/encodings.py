@@ -27,7 +27,7 @@ READ_AS = {
 }
 """Names of the encodings, for remarks on a text that is not UTF-8."""
 
-_NO_TEXT = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
+_NO_TEXT = re.compile(rb"[\x00-\x08\x0b\x0e-\x19\x1b-\x1f\x7f]")  # not form feed and Ctrl-Z
 _NO_WINDOWS = re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # Bytes that Windows-1252 does not define.
 _NO_CYRILLIC = b"\x98"  # The byte that Windows-1251 does not define.
 _POLISH = re.compile(rb"[a-z][\xb3\xb9\xbf][a-z]")  # These letters are signs in Windows-1252.
