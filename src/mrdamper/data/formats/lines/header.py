@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise, zip_longest
+from itertools import pairwise
 
 from mrdamper.data.formats.groups import attribute_lines
 from mrdamper.data.formats.lines.cells import is_number, number_in
@@ -15,14 +15,13 @@ from mrdamper.data.formats.lines.properties import (
     Header,
     find_properties,
     name_in,
-    names_quantity,
     property_of,
 )
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import MISSING_MARKS
 from mrdamper.data.formats.timestamps import days_of, is_time
 from mrdamper.data.words.headers import are_all_per_cent, is_per_cent, speaks_of, word_and_unit
-from mrdamper.data.words.labels import CONDITIONS, labels_in, span_in
+from mrdamper.data.words.labels import CONDITIONS, labels_in, ranges_in, span_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, is_any_unit, roles_of_unit
 
@@ -37,7 +36,6 @@ _SETTING = re.compile(
     r"\s*[-*]?\s*[\"']?([^\W\d][^:=]*?)[\"']?\s*[:=]\s*[\"']?"
     r"([+-]?\d[\d.,]*(?:[eEdD][+-]?\d+)?)[\"']?,?\s*"
 )  # A setting: "Current_A=0.5".
-_ENTRY = re.compile(r"\s*([^\s:=][^:=]*?)\s*(?:[:=]|->)\s*(\S.*?)\s*")  # A legend: "CH1: force, N".
 _MARK = re.compile(r"\s*(\w[\w ]*:|\[[\w ]+\]|[\"']?[^\W\d]+[\"']?)\s*")  # A title of the samples: "[Data]".
 DELIMITERS = ("\t", ";", ",", "|", " ")
 
@@ -154,7 +152,7 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
             continue
         word, own = word_and_unit(base)
         roles = [role for role in QUANTITIES if role in roles_of_unit(own) or speaks_of(word, role)]
-        if in_per_cent and {*roles} - {"time"}:
+        if in_per_cent and ({*roles} - {"time"} or any(map(ranges_in, said))):
             names[k] = f"{word} [%]"
     scales = {} if in_per_cent else header.scales
     return replace(header, names=tuple(names), scales=scales, spans=spans)
@@ -165,7 +163,7 @@ def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     cells = split_line(lines[first], delimiter)
     bare = [_COMMENT.sub("", line) for line in lines[:first]]
     table = [_cells_above(line, delimiter, len(cells)) for line in bare]
-    header = _header_of_rows(lines, first, delimiter, table)
+    header = _header_of_rows(lines, first, delimiter)
     stated = find_properties(table, bare, cells)
     # The rows above complete names state conditions, such as "Current;0.5;A", even if each column has a row.
     units = [(name, word_and_unit(name)[1]) for name in header.names]
@@ -176,9 +174,7 @@ def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     return replace(stated, said=statements(lines[:first], delimiter))
 
 
-def _header_of_rows(
-    lines: Sequence[str], first: int, delimiter: str, table: Sequence[Sequence[str]]
-) -> Header:
+def _header_of_rows(lines: Sequence[str], first: int, delimiter: str) -> Header:
     """Return the header from the rows of names and units directly above a row.
 
     Units in a row below (or above) the names are added to the names: ``name [unit]``. A row above the names
@@ -203,9 +199,7 @@ def _header_of_rows(
             break
     if not rows:
         plain = tuple(f"column {k + 1}" for k in range(count))
-        said = statements(lines[:first], delimiter)
-        meant = _apply_legend(plain, said, table)
-        return Header(meant, said, named=meant != plain)
+        return Header(plain, statements(lines[:first], delimiter), named=False)
     # Labels are removed from rows such as "Names: Time;Force" and "Units: s;N".
     leads = [[k for k, text in enumerate(fields) if _LEAD.match(text)] for _, fields in rows]
     if leads.count([0]) > 1:
@@ -234,9 +228,8 @@ def _header_of_rows(
         for k, cell in enumerate(conditions):
             now = cell or now
             names[k] = f"{now}: {names[k]}" if now else names[k]
-    others = [k for k in range(first) if k not in used]
-    said = (*statements([lines[k] for k in others], delimiter), *settings)
-    return Header(_apply_legend(tuple(names), said, [table[k] for k in others]), said)
+    others = [lines[k] for k in range(first) if k not in used]
+    return Header(tuple(names), (*statements(others, delimiter), *settings))
 
 
 def _conditions(cells: Sequence[str]) -> list[str]:
@@ -256,40 +249,6 @@ def _cells_above(line: str, delimiter: str, count: int) -> list[str]:
     """Return the cells of a line above a table, without empty cells at the end."""
     cells = _PAIR.split(line.strip(), maxsplit=1) if count == 1 else split_line(line, delimiter)
     return cells[: max((k + 1 for k, cell in enumerate(cells) if cell), default=0)]
-
-
-def _apply_legend(
-    names: tuple[str, ...], said: Sequence[str], rows: Sequence[Sequence[str]] = ()
-) -> tuple[str, ...]:
-    """Replace names of columns by their explanations in a legend above the table.
-
-    A legend has entries (``CH1: force, N``), or a row for each channel (``CH1;force;5 V;N``). If the legend
-    explains less than half of the columns, only names without a meaning, such as CH1, are replaced.
-    """
-    entries = (_ENTRY.fullmatch(line) for line in said)
-    legend = {_key(entry[1]): entry[2] for entry in entries if entry is not None}
-    meant: list[str] = []
-    opaque: list[bool] = []
-    for name in names:
-        word, unit = word_and_unit(name)
-        opaque.append(not names_quantity(name))
-        row = next((row for row in rows if opaque[-1] and len(row) > 2 and _key(row[0]) == _key(word)), ())
-        text = legend.get(_key(name)) or legend.get(_key(word)) or (row[1] if row else "")
-        units = (
-            [unit or "%"] if unit or is_per_cent(name) else [cell for cell in row[2:] if roles_of_unit(cell)]
-        )
-        with_its_unit = f"{text} [{units[0]}]" if len(units) == 1 and not word_and_unit(text)[1] else text
-        # "Stroke: 25 mm" is a value. "force_pct: per cent of range" and "coil_A: amperes" name no quantity.
-        is_meaning = text[:1].isalpha() and (names_quantity(text) or not (unit or names_quantity(name)))
-        meant.append(with_its_unit if is_meaning else "")
-    if sum(map(bool, meant)) <= len(names) // 2:
-        meant = [text if is_opaque else "" for text, is_opaque in zip(meant, opaque, strict=True)]
-        meant = meant if sum(map(bool, meant)) > 1 else []
-    return tuple(one or name for one, name in zip_longest(meant, names, fillvalue=""))
-
-
-def _key(name: str) -> str:
-    return re.sub(r"[\W_]+", "", name).lower()
 
 
 def _header_fields(line: str, delimiter: str, count: int, filled: int) -> list[str] | None:
