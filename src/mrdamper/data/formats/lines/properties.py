@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from itertools import zip_longest
 
 from mrdamper.data.formats.clocks import Sampling, is_setting_of_time, stated_sampling
-from mrdamper.data.formats.lines.cells import number_in
+from mrdamper.data.formats.lines.cells import is_number, number_in
 from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
 from mrdamper.quantities import QUANTITIES, is_any_unit, roles_of_unit
 
@@ -132,7 +132,7 @@ def find_properties(
     stated: dict[str, list[list[str]]] = {name: [] for name in (*_WORDS, "unknown")}
     labelled = (*_by_rows(rows), *_by_channels(rows), *_by_numbers(lines), *_by_axes(lines))
     for name, values in (*labelled, *_by_units(rows, count)):
-        if name in stated and not (name == "name" and any(map(_is_number, values))):
+        if name in stated and not (name == "name" and any(map(is_number, values))):
             stated[name].append([*values])
     if count == 1 and not stated["name"]:
         stated["name"] = [[name] for name in [name_in(lines)] if name]
@@ -201,10 +201,6 @@ def _without_keyword(row: Sequence[str], line: str, count: int) -> Sequence[str]
         return [name, *values]
     is_setting = len(row) == 1 and (name == "x unit" or is_setting_of_time(found[1]))
     return [found[1], text] if is_setting else row
-
-
-def _is_number(cell: str) -> bool:
-    return number_in(cell, "," if "," in cell else ".") is not None
 
 
 def _numbers(found: Mapping[str, list[str]], name: str, otherwise: float) -> list[float]:
@@ -292,7 +288,7 @@ def _by_units(rows: Sequence[Sequence[str]], count: int) -> Iterator[tuple[str, 
         around.append([*above, *below])
     for table, others in zip(tables, around, strict=True):
         are_units = [
-            all(is_any_unit(cell) and not _is_number(cell) for cell in cells)
+            all(is_any_unit(cell) and not is_number(cell) for cell in cells)
             and any(map(roles_of_unit, cells))
             for _, cells in table
         ]
@@ -303,7 +299,7 @@ def _by_units(rows: Sequence[Sequence[str]], count: int) -> Iterator[tuple[str, 
         for _, (label, cells) in sorted(enumerate(table), key=lambda each: abs(each[0] - unit)):
             if all(map(_is_word, cells)) and len({*cells}) == len(cells):
                 yield "name", cells
-            elif not label and all(map(_is_number, cells)) and re.search("[.,eE]", "".join(cells)):
+            elif not label and all(map(is_number, cells)) and re.search("[.,eE]", "".join(cells)):
                 yield "unknown", cells
 
 
