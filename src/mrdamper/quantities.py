@@ -224,6 +224,8 @@ _UNITS_WITHOUT_ROLE = frozenset(
         "mnm",
     }
 )
+# Prefixes of other units are not used on rigs: "fd" is the name of a column, and no femtoday.
+_PREFIXED_UNITS = frozenset({"second", "meter", "inch", "newton", "force_gram", "ampere", "volt", "kelvin"})
 _LIKELY_UNIT = re.compile(r"[A-Za-zµμ°Ω]{1,12}([\s/*·^._-]{1,2}[A-Za-z0-9]{1,6}){0,2}[²³]?")
 _HEADER_WORDS = frozenset(word for quantity in _TABLE for word in quantity.headers if len(word) > 2)
 _ROLE_OF: Mapping[str, str] = MappingProxyType(
@@ -302,6 +304,7 @@ def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
 
     try:
         unit = pint.application_registry.Unit(spelled)
+        names = pint.application_registry.parse_unit_name(spelled)
         zero, one = (
             float(pint.application_registry.Quantity(x, unit).to(quantity.unit).magnitude) for x in (0.0, 1.0)
         )
@@ -311,7 +314,8 @@ def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
         *(AssertionError, ArithmeticError, AttributeError, LookupError, ValueError, TypeError),
     ) as error:
         raise refusal from error
-    if not 1e-13 < one - zero < 1e9:  # "Ts" and "fs" are no units of time.
+    is_odd = names and all(prefix and name not in _PREFIXED_UNITS for prefix, name, _ in names)
+    if is_odd or not 1e-13 < one - zero < 1e9:  # "Ts" and "fs" are no units of time.
         raise refusal
     return one - zero, zero
 

@@ -327,6 +327,71 @@ def test_columns_explained_in_a_text_are_read(tmp_path, text):
     assert_read(read_runs(tmp_path), warm=WARM_K)
 
 
+CODEBOOK = [
+    *(("tt", "time since the start", "s"), ("xd", "piston displacement, positive in extension", "mm")),
+    *(
+        ("xs", "set point of the displacement", "mm"),
+        ("fd", "damper force", "N"),
+        ("ic", "coil current", "A"),
+    ),
+]
+
+
+def explained_by(name: str, text: str) -> Writer:
+    """Return a function that writes all runs in one table, and the meaning of its columns in a document."""
+
+    def writer(folder: Path) -> None:
+        write(folder, "damper.csv", "".join(",".join(map(str, row)) + "\n" for row in stacked()))
+        write(folder, name, text)
+
+    return writer
+
+
+def stacked() -> list[list[object]]:
+    """Return the rows of a table of all runs, in which time increases from run to run."""
+    rows: list[list[object]] = [["id", *(name for name, *_ in CODEBOOK)]]
+    for k, run in enumerate(RUNS, 1):
+        t, x, f, i = columns(run)
+        rows += [[k, *cells] for cells in np.column_stack((t + 9 * k, x, 1.1 * x, f, i)).tolist()]
+    return rows
+
+
+def codebook_in_workbook(folder: Path) -> None:
+    from openpyxl import Workbook
+
+    book = Workbook()
+    for sheet, rows in ((book.active, stacked()), (book.create_sheet("Codebook"), CODEBOOK)):
+        for row in rows:
+            sheet.append(row)
+    book.save(folder / "damper.xlsx")
+
+
+CODEBOOKS: dict[str, Writer] = {
+    "commas": explained_by(
+        "codebook.csv",
+        "variable,description,unit\nid,run,\n" + "".join(f'{n},"{text}",{u}\n' for n, text, u in CODEBOOK),
+    ),
+    "number_type_and_range": explained_by(
+        "codebook.csv",
+        "no,name,type,unit,min,max,meaning\n"
+        + "".join(f'{k},{n},real,{u},-9,9.5,"{text}"\n' for k, (n, text, u) in enumerate(CODEBOOK, 2)),
+    ),
+    "markdown": explained_by("README.md", "".join(f"| `{n}` | {text} | {u} |\n" for n, text, u in CODEBOOK)),
+    "json": explained_by(
+        "datapackage.json",
+        json.dumps({"fields": [{"name": n, "description": text, "unit": u} for n, text, u in CODEBOOK]}),
+    ),
+    "workbook": codebook_in_workbook,
+}
+
+
+@pytest.mark.parametrize("document", CODEBOOKS)
+def test_codebook_explains_columns_of_all_runs(tmp_path, document):
+    """The set point has the unit of the measured displacement. The number of the run separates the runs."""
+    CODEBOOKS[document](tmp_path)
+    assert_read(read_runs(tmp_path))
+
+
 UNCLEAR: dict[str, Writer] = {
     "limits": about("rig.json", json.dumps({"limit": {"current": {"value": 2, "unit": "A"}}}), BARE),
     "supply": about("rig.yaml", "supply:\n  voltage: 24 V\n  current: 5 A\n", BARE),

@@ -9,6 +9,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from mrdamper.data.channels import Channel, ChannelMap
+from mrdamper.data.formats.lines.cells import is_number
 from mrdamper.data.formats.table import SKIPPED, Table, distinct_names
 from mrdamper.data.formats.timestamps import date_in
 from mrdamper.data.proposal.questions import Topic, ask
@@ -184,10 +185,12 @@ def _lists_in(notes: Sequence[str], file: str) -> list[tuple[str, ...]]:
 def _meanings(name: str, notes: Sequence[str]) -> list[tuple[str, str]]:
     """Return the different (words, unit) in lines such as ``s  stroke of the rod, mm`` on column ``s``.
 
-    The words must name a quantity of the unit. A line with a number, such as a range, is ignored.
+    The line may be the row of a codebook: ``3,s,mm,"stroke, rod out positive"``. The words must name a
+    quantity of the unit.
     """
     form = re.compile(
-        rf"\W*{re.escape(name)}[`'\"*]*(?:\s*(?:[:=|,]|->?|\u2013)\s+|\s{{2,}}|\t\s*|(?<=\w \d)\s)([^\W\d].*)"
+        rf"\W*(?:\d{{1,2}}\W+)?{re.escape(name)}[`'\"*]*"
+        r"(?:\s*(?:[:=]|->?|\u2013)\s+|\s*[|,;\t]|\s{2,}|(?<=\w \d)\s)(.*)"
     )
     # A line may explain several numbered columns: "Channel 1 stroke (mm)  Channel 2 load (N)".
     if numbered := re.fullmatch(r"(.*\w )\d", name):
@@ -197,11 +200,12 @@ def _meanings(name: str, notes: Sequence[str]) -> list[tuple[str, str]]:
         if signal := raw_signal(match[1]):
             found[signal] = None
             continue
-        words, *others = filter(None, re.split(r"\s*[][,;|()]\s*|\s+in\s+", match[1].strip()))
-        units = [text for text in others if roles_of_unit(text)]
-        is_meant = any(speaks_of(words, role) for text in units for role in roles_of_unit(text))
-        if len(units) == 1 and is_meant and not any(text[:1].isdigit() for text in others):
-            found[words, units[0]] = None
+        cells = [*filter(None, re.split(r"\s*[][,;|()\t\"]\s*|\s+in\s+|\s{2,}", match[1].strip()))]
+        units = [cell for cell in cells if roles_of_unit(cell)]
+        texts = [cell for cell in cells if cell not in units and not is_number(cell)]
+        is_meant = any(speaks_of(" ".join(texts), role) for unit in units for role in roles_of_unit(unit))
+        if len(units) == 1 and is_meant and not any(text[0].isdigit() for text in texts):
+            found[" ".join(texts), units[0]] = None
     return [*found]
 
 

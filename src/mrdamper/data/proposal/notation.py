@@ -197,6 +197,7 @@ def _lines(tree: Node | str, path: tuple[str, ...] = ()) -> Iterator[str]:
             number = re.sub(r".*?(\d*)$", r"\1", f"{key}") if texts else ""
             own = word or own or next(iter(texts.values()), "")
             yield f"{blanks}{number} {own} [{unit}]"
+            yield from (f"{own}: {text}, {unit}" for text in texts.values() if text != own)
             kept: Node = {other: text for other, text in inner.items() if text not in (unit, own)}
             yield from _lines(kept, (*path, own))
             continue

@@ -80,7 +80,8 @@ def runs_in(
     of the runs is ``name``, or the name of the file. ``stated`` are the lines of documents about the file.
     ``notes`` are all lines of documents, which may explain columns and the sampling rate.
     """
-    tables = [converted(explained(table, notes, chosen, file.name), notes, chosen) for table in tables]
+    explaining = [*notes, *(line for table in tables[:1] for lines in table.lists.values() for line in lines)]
+    tables = [converted(explained(table, explaining, chosen, file.name), notes, chosen) for table in tables]
     parts: list[tuple[list[Piece], Sequence[Column], Sequence[str]]] = []
     faults: list[InputError] = []
     tables = [

@@ -20,7 +20,7 @@ from mrdamper.data.words.labels import labels_in
 from mrdamper.quantities import QUANTITIES, is_any_unit, roles_of_unit, to_si
 
 _RUN_NUMBER = re.compile(
-    r"\W*(?:run|test|specimen|trial|experiment|versuch|messung|essai|prueba)\W*(?:no|nr|num|number|id|index)?\W*",
+    r"\W*(?:id|(?:run|test|specimen|trial|experiment|versuch|messung|essai|prueba)\W*(?:no|nr|num|number|id|index)?)\W*",
     re.IGNORECASE,
 )
 _VALUE = re.compile(r"values?|val|wert|valeur|valor|reading|measurement", re.IGNORECASE)

@@ -106,14 +106,15 @@ def legend_in(line: str, words_max: int = 3) -> list[tuple[int | None, str, str]
     Examples: ``Columns: disp in mm, force in kN``, ``2: force [N]``, and the row ``force | kN``. A text
     of more than ``words_max`` words is a sentence.
     """
-    cells = [cell.strip(" `*\"'") for cell in re.split(r"[|\t;]", line.translate(_NARROW).strip().strip("|"))]
+    line = line.translate(_NARROW)
+    cells = [cell.strip(" `*\"'") for cell in re.split(r"[|\t;]|(?<!\d),(?=\S)", line.strip().strip("|"))]
     units = [cell for cell in cells[1:] if roles_of_unit(cell)]
     if len(units) == 1 and cells[0]:
         is_numbered = re.fullmatch(r"\d{1,2}", cells[0]) is not None
         return [(int(cells[0]) if is_numbered else None, cells[is_numbered], units[0])]
     if _VALUE.search(line):
         return []
-    line = _POSITION.sub(r"\1 ", line.translate(_NARROW))
+    line = _POSITION.sub(r"\1 ", line)
     # A numbered line is no sentence even if it has more words: "3: current in the coil [A]".
     whole = _NUMBERED_CHUNK.fullmatch(" ".join(line.split()))
     word, unit = raw_signal(whole[2]) or word_and_unit(_REMARK.sub("", whole[2])) if whole else ("", "")
