@@ -129,7 +129,7 @@ class _Document:
     channel: Mapping[str, ChannelTable] = field(default_factory=dict)
     constant: Mapping[str, float] = field(default_factory=dict)
     """Constant values. A key is a quantity with its unit (``current_A``), or ``rate_Hz``."""
-    segments: Mapping[str, Any] | None = None
+    segments: Mapping[str, str | tuple[float, ...]] | None = None
     """The keys are ``split`` (a text), and ``current_A`` or ``voltage_V`` (a list)."""
     session: _Session = field(default_factory=_Session)
     file: FileOptions = field(default_factory=FileOptions)
@@ -153,32 +153,20 @@ class ChannelMap:
         Raise InputError with one line for each fault. The line on an unknown key names the nearest valid key.
         """
         document = read_record(_Document, given, place)
-        try:
-            return cls._from_document(document)
-        except InputError as error:
-            raise error.prepend_place(place) from None
-
-    @classmethod
-    def _from_document(cls, document: _Document) -> ChannelMap:
-        for role in document.channel:
-            if role not in QUANTITIES:
-                raise unknown_name(f"channel has no key {role!r}", role, QUANTITIES)
-        channels = {role: Channel(role, **asdict(table)) for role, table in document.channel.items()}
         constant = dict(document.constant)
         rate = constant.pop("rate_Hz", None)
-        if rate is not None and not rate > 0.0:
-            raise InputError(f"constant.rate_Hz is {rate:g}", expected="a positive number")
-        values = (
-            _in_si(key, value, "constant", (*COMMANDS, "temperature")) for key, value in constant.items()
-        )
-        return cls(
-            MappingProxyType(channels),
-            MappingProxyType({role: float(value) for role, value in values}),
-            rate,
-            None if document.segments is None else _segments(document.segments),
-            document.session.name,
-            document.file,
-        )
+        try:
+            if rate is not None and not rate > 0.0:
+                raise InputError(f"constant.rate_Hz is {rate:g}", expected="a positive number")
+            channels = {role: Channel(role, **asdict(table)) for role, table in document.channel.items()}
+            roles = (*COMMANDS, "temperature")
+            values = (_in_si(key, value, "constant", roles) for key, value in constant.items())
+            held = {role: float(value) for role, value in values}
+            segments = None if document.segments is None else _segments(document.segments)
+        except InputError as error:
+            raise error.prepend_place(place) from None
+        own = MappingProxyType(channels), MappingProxyType(held), rate, segments
+        return cls(*own, document.session.name, document.file)
 
     def channel(self, role: str) -> Channel:
         """Return the channel of a role. If the map has no table for the role, all settings are defaults."""
@@ -202,19 +190,15 @@ def _in_si(key: str, values: Any, table: str, roles: Sequence[str]) -> tuple[str
         raise error.prepend_place(f"{table}.{key}") from None
 
 
-def _segments(table: Mapping[str, Any]) -> Segments:
-    commands = dict(table)
-    split = commands.pop("split", None)
+def _segments(table: Mapping[str, str | tuple[float, ...]]) -> Segments:
+    split = table.get("split")
     if not isinstance(split, str) or not split:
-        expected = "the text that begins a new test ('Resume')"
-        raise InputError(f"segments.split is {split!r}", expected=expected)
-    if len(commands) != 1:
+        raise InputError(
+            f"segments.split is {split!r}", expected="the text that begins a new test ('Resume')"
+        )
+    commands = {key: values for key, values in table.items() if key != "split"}
+    if len(commands) != 1 or not all(values and isinstance(values, tuple) for values in commands.values()):
         found = ", ".join(commands) or "no command"
         raise InputError(place="segments", found=found, expected="one list, current_A or voltage_V")
-    ((key, values),) = commands.items()
-    is_list = isinstance(values, list) and values and all(type(each) in {int, float} for each in values)
-    if not is_list or not np.isfinite(values).all():
-        expected = "a list with the command of each test, finite numbers"
-        raise InputError(f"segments.{key} is {values!r}", expected=expected)
-    role, numbers = _in_si(key, values, "segments", COMMANDS)
+    role, numbers = _in_si(*commands.popitem(), "segments", COMMANDS)
     return Segments(split, role, tuple(numbers.tolist()))

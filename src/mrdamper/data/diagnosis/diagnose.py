@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -53,11 +54,9 @@ def _diagnose_valid_record(recording: records.Recording, prepared: PreparedRun |
         try:
             prepared = prepare_run(run)
         except InputError as refusal:
-            try:
-                prepared = prepare_run(replace(run, force=-run.force))
-            except InputError:
-                return [*found, *_fault_findings(refusal)]
-            return [*found, mechanics.find_wrong_sign(prepared)]
+            with suppress(InputError):
+                return [*found, mechanics.find_wrong_sign(prepare_run(replace(run, force=-run.force)))]
+            return [*found, *_fault_findings(refusal)]
     return [*found, *(finding for find in OF_PREPARED_RUN for finding in find(prepared))]
 
 
