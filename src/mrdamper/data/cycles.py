@@ -14,7 +14,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.core import turning_points
 from mrdamper.data.motion import REVERSAL_MIN_RATIO
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.data.records import GAP_MIN_STEPS, Recording
+from mrdamper.data.records import GAP_MIN_STEPS, Recording, channels_of
 from mrdamper.quantities import QUANTITIES
 
 STROKE_MIN_m = 50e-6  # A smaller motion is considered noise of the displacement sensor.
@@ -86,7 +86,9 @@ def cycles(prepared: PreparedRun) -> CycleFigures:
     """
     path = prepared.trajectory
     stroke_min_m = max(REVERSAL_MIN_RATIO * float(np.ptp(path.displacement)), path.dead_band)
-    found = _count(path.time, path.displacement, prepared.force, path.command, path.temperature, stroke_min_m)
+    warm = np.full(len(path), math.nan) if path.temperature is None else path.temperature
+    channels = (path.time, path.displacement, prepared.force, path.command, warm)
+    found = _count(channels, stroke_min_m)
     return found.where(found.row >= prepared.scored_from)
 
 
@@ -103,11 +105,10 @@ def count_record(run: Recording, stroke_min_m: float | None = None) -> CountedRe
         range_m = float(np.ptp(np.percentile(known, ends))) if len(known) else 0.0
         stroke_min_m = max(REVERSAL_MIN_RATIO * range_m, STROKE_MIN_m)
     parts, segments = [], _unbroken_segments(run)
+    warm = np.full(len(run), math.nan) if run.temperature is None else run.temperature
+    channels = (run.time, run.displacement, run.force, run.command, warm)
     for first, stop in segments:
-        channels = (run.time, run.displacement, run.force, run.command)
-        time, x, force, command = (values[first:stop] for values in channels)
-        temperature = None if run.temperature is None else run.temperature[first:stop]
-        found = _count(time, x, force, command, temperature, stroke_min_m)
+        found = _count([values[first:stop] for values in channels], stroke_min_m)
         parts.append(replace(found, row=found.row + first))
     return CountedRecord(CycleFigures.concatenate(parts), stroke_min_m, max(len(segments) - 1, 0))
 
@@ -115,12 +116,9 @@ def count_record(run: Recording, stroke_min_m: float | None = None) -> CountedRe
 def _unbroken_segments(run: Recording) -> list[tuple[int, int]]:
     """Return the row indices (first, last + 1) of each part that has only valid rows and no time gap."""
     valid = np.isfinite(run.time)
-    for values, role in (
-        (run.displacement, "displacement"),
-        (run.force, "force"),
-        (run.command, "voltage"),  # The valid range of voltage includes the range of current.
-    ):
-        valid &= (values >= QUANTITIES[role].low) & (values <= QUANTITIES[role].high)
+    for role, values in channels_of(run).items():
+        if role not in {"time", "velocity", "temperature"}:
+            valid &= (values >= QUANTITIES[role].low) & (values <= QUANTITIES[role].high)
     steps = np.diff(run.time)
     forward = steps[steps > 0.0]
     if not len(forward):
@@ -135,15 +133,9 @@ def true_segments(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return list(zip(edges[0::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-def _count(
-    time: FloatArray,
-    x: FloatArray,
-    force: FloatArray,
-    command: FloatArray,
-    temperature: FloatArray | None,
-    stroke_min_m: float,
-) -> CycleFigures:
-    """Return the cycles of samples without a break, arrays of shape (n,)."""
+def _count(channels: Sequence[FloatArray], stroke_min_m: float) -> CycleFigures:
+    """Return the cycles in time, displacement, force, command and temperature without a break, shape (n,)."""
+    time, x, force, command, temperature = channels
     turns = turning_points(x, stroke_min_m)
     if len(turns) > 1 and x[turns[0]] > x[turns[1]]:
         turns = turns[1:]
@@ -158,11 +150,9 @@ def _count(
     def extremes(values: FloatArray) -> list[FloatArray]:
         return [func(func.reduceat(values[:stop], a), values[b]) for func in (np.minimum, np.maximum)]
 
-    mean_temperature = np.full(len(n), math.nan)
-    if temperature is not None:
-        known = np.isfinite(temperature)
-        with np.errstate(invalid="ignore"):
-            mean_temperature = sums(np.where(known, temperature, 0.0)) / sums(known.astype(np.float64))
+    known = np.isfinite(temperature)
+    with np.errstate(invalid="ignore"):
+        mean_temperature = sums(np.where(known, temperature, 0.0)) / sums(known.astype(np.float64))
     ends = 0.5 * (force[a] + force[b])
     (x_min, x_max), (force_min, force_max) = extremes(x), extremes(force)
     return CycleFigures(

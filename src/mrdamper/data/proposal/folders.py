@@ -83,23 +83,19 @@ def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Pat
     if space is None:
         return list(files.values())
     unpacked: list[Path] = []
-    folders: dict[Path, Path] = {}  # Folders around an archive, and their copies.
     for file in files.values():
         if not _is_archive(file):
             unpacked.append(file)
             continue
-        root = next((path for path in map(Path, paths) if path in file.parents), file.parent)
-        copy_of_root = space.joinpath(*root.absolute().parts[1:][-2:])
-        unpacked += _unpack(file, copy_of_root / file.parent.relative_to(root))
-        if file not in map(Path, paths):
-            inner = [file.parent, *file.parent.parents]
-            around = inner[: inner.index(root) + 1]
-            folders |= {folder: copy_of_root / folder.relative_to(root) for folder in around}
-    copies = ((each, copy / each.name) for folder, copy in folders.items() for each in folder.iterdir())
-    for document, copy in copies:
-        if is_small_file(document) and not _is_archive(document) and not copy.exists():
-            with suppress(OSError):  # An unreadable document is not copied.
-                shutil.copy(document, copy)
+        root = next((path for path in map(Path, paths) if path in file.parents), None)
+        copy_of_root = space.joinpath(*(root or file.parent).absolute().parts[1:][-2:])
+        unpacked += _unpack(file, copy_of_root / file.parent.relative_to(root or file.parent))
+        folders = (folder for folder in file.parents if root in {folder, *folder.parents})
+        for document in (each for folder in folders for each in folder.iterdir() if is_small_file(each)):
+            copy = copy_of_root / document.relative_to(root or file.parent)
+            if not _is_archive(document) and not copy.exists():
+                with suppress(OSError):  # An unreadable document is not copied.
+                    shutil.copy(document, copy)
     return unpacked
 
 

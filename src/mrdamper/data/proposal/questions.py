@@ -138,10 +138,9 @@ def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: PurePath) 
     channels, constant, rate = dict(chosen.channels), dict(chosen.constant), chosen.rate_Hz
     file_options = chosen.file
     for answer in answers:
-        # The pattern may match the name of the file, or the last parts of the path of the file.
-        if not (
-            fnmatchcase(file.name, answer.files) or fnmatchcase(f"/{file.as_posix()}", f"*/{answer.files}")
-        ):
+        if not fnmatchcase(
+            f"/{file.as_posix()}", f"*/{answer.files}"
+        ):  # A pattern of the last parts of the path.
             continue
         channel = channels.get(answer.role) or Channel(answer.role)
         if answer.topic == "unit":
@@ -172,10 +171,11 @@ def _number(answer: Answer, unit: str) -> float:
         raise InputError(place=place, found="no number", expected=f"a number, in {unit} without a unit")
     value, spelled = float(found[1]), found[2] or unit
     if unit == "Hz":
-        if spelled not in {"Hz", "kHz"} or not value > 0.0:
-            expected = "a positive number of Hz or kHz"
-            raise InputError(place=place, found=f"{answer.value!r}", expected=expected)
-        return value * (1e3 if spelled == "kHz" else 1.0)
+        if not (rate := value * {"Hz": 1.0, "kHz": 1e3}.get(spelled, 0.0)) > 0.0:
+            raise InputError(
+                place=place, found=f"{answer.value!r}", expected="a positive number of Hz or kHz"
+            )
+        return rate
     value = float(to_si(value, spelled, answer.role))
     if found[3] == "mV":
         return value * 1e3
