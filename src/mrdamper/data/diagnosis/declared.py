@@ -56,11 +56,6 @@ _SIBLINGS: Mapping[str, _Sibling] = {
     "frequency": _Sibling("time_scale", "sampling rate", 0.12, 0.015, 0.003),
     "stroke": _Sibling("displacement_scale", "scale of the displacement", 0.25, 0.04, 0.012),
 }
-_HINTS = {
-    "force": "kgf, lbf or kN read as N, N read as kN",
-    "displacement": "inches read as mm, mm read as cm",
-    "current": "per cent or mA read as A, a driver's volts",
-}
 
 
 def find_against_names(runs: Sequence[Recording]) -> Iterator[Finding]:
@@ -137,13 +132,14 @@ def find_implausible_damper(runs: Sequence[Recording]) -> Iterator[Finding]:
     current = max(amperes, default=0.0)
     peak = max(float(np.ptp(run.force)) / 2.0 for run in runs)
     stroke = max(float(np.ptp(run.displacement)) for run in runs)
-    peak_min = SETTINGS.peak_force_min_at_1A_N if current >= 1.0 else SETTINGS.peak_force_range_N[0]
-    for channel, value, low, high, unit in (
-        ("force", peak, peak_min, SETTINGS.peak_force_range_N[1], "N"),
-        ("displacement", stroke, *SETTINGS.stroke_range_m, "m"),
-        *((("current", current, *SETTINGS.peak_current_range_A, "A"),) if current else ()),
+    peak_min, peak_max = SETTINGS.peak_force_range_N
+    peak_min = SETTINGS.peak_force_min_at_1A_N if current >= 1.0 else peak_min
+    for channel, value, low, high, unit, hint in (
+        ("force", peak, peak_min, peak_max, "N", "kgf, lbf or kN read as N, N read as kN"),
+        ("displacement", stroke, *SETTINGS.stroke_range_m, "m", _DECLARED["stroke"].hint),
+        ("current", current, *SETTINGS.peak_current_range_A, "A", _AMPERES),
     ):
-        if low <= value <= high:
+        if low <= value <= high or value == 0.0:  # Without a coil current, the command is a voltage or zero.
             continue
         found = (
             f"the largest {channel} of all runs is {value:.3g} {unit}; published magnetorheological dampers "
@@ -152,7 +148,7 @@ def find_implausible_damper(runs: Sequence[Recording]) -> Iterator[Finding]:
         if channel == "force":
             found += ", those of buildings up to 150 kN"
         effect = "A wrong unit makes all coefficients wrong by its factor, but the fit looks as good"
-        remedy = f"Compare the unit with the data sheet ({_HINTS[channel]}?); nothing was changed"
+        remedy = f"Compare the unit with the data sheet ({hint}?); nothing was changed"
         unusual = Finding("implausible_damper", found, effect, remedy, channel=channel, size=value, unit=unit)
         yield replace(unusual, run=runs[0].name)
 

@@ -70,9 +70,7 @@ def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
     stroke = float(np.median(whole.stroke_m))
     force = prepared.force[whole.row[0] : whole.end[-1]]
     span = float(np.ptp(force))
-    begins, ends = (
-        float(prepared.run.time[0] + k * prepared.trajectory.step) for k in (whole.row[0], whole.end[-1])
-    )
+    ends = prepared.run.time[0] + prepared.trajectory.step * np.array([whole.row[0], whole.end[-1]])
     for channel, size, scale, unit, shown, effect, remedy in (
         (
             *("displacement", found.displacement_m, stroke, "m", f"{1e3 * found.displacement_m:+.3g} mm"),
@@ -93,7 +91,7 @@ def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
         )
         kind = "position_drift" if channel == "displacement" else "force_drift"
         moved = Finding(kind, words, effect, remedy, channel=channel, size=size, unit=unit)
-        yield moved.between(begins, ends)
+        yield moved.between(*ends)
     size = found.spread_percent
     if abs(size) > SETTINGS.force_range_change_max_percent:
         words = (
@@ -104,7 +102,7 @@ def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
         effect = f"A model at one temperature can only follow the middle: about {error} remain"
         remedy = "Record the temperature with the run, or take the segment after the damper has settled"
         changed = Finding("force_level_changes", words, effect, remedy, channel="force", size=size, unit="%")
-        yield changed.between(begins, ends)
+        yield changed.between(*ends)
 
 
 def find_force_lag(prepared: PreparedRun) -> Iterator[Finding]:

@@ -119,15 +119,14 @@ def without_repeated_end(piece: Piece) -> Piece:
     if len({*map(len, columns)}) > 1:  # A damaged file is reported later.
         return piece
     rows = np.column_stack(columns)
-    differs = np.flatnonzero((rows[1:] != rows[:-1]).any(axis=1))
-    last = int(differs[-1]) + 2 if len(differs) else len(rows)
-    if last == len(rows):
+    repeats = (rows[1:] == rows[:-1]).all(axis=1)
+    count = int(np.argmin(np.append(repeats[::-1], False)))
+    if not count or repeats.all():
         return piece
-    count = len(rows) - last
     found = f"the last {count} samples repeat the one before, with its time: ignored"
     finding = Finding("repeated_end", found, "None", "Nothing", severity="note", channel="time")
     finding = replace(finding, size=float(count), unit="samples")
-    return replace(piece.part(slice(0, last)), findings=(*piece.findings, finding))
+    return replace(piece.part(slice(0, len(rows) - count)), findings=(*piece.findings, finding))
 
 
 def cut_at_gaps(piece: Piece) -> Iterator[Piece]:

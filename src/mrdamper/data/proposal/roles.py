@@ -10,12 +10,13 @@ converts a sensor output to its quantity.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from mrdamper.data.channels import Channel, ChannelMap
 from mrdamper.data.formats.table import Table
 from mrdamper.data.proposal.clocks import (
+    MEASURED,
     fastest_time,
     increases,
     is_coarse_clock,
@@ -146,21 +147,21 @@ def _column_of_map(table: Table, channel: Channel, name: str, place: str) -> Col
 
 def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
     """Return the columns that match a role best. Several columns lead to a question."""
-    left = list(found)
-    if role == "time" and len(left) > 1:
-        left = [each for each in left if increases(table, each.name, always=True)] or left
-    if role == "temperature":
-        left = [each for each in left if not has_word(each.word, "ambient")] or left
-        left = [each for each in left if has_word(each.word, "fluid")] or left
-        left = [each for each in left if has_word(each.word, "damper")] or left
-    left = [each for each in left if not has_word(each.word, "set point")] or left
-    left = [each for each in left if each.of_word == role] or left
-    left = [each for each in left if each.of_word == role and not names_by_symbol(each.name)] or left
-    left = [each for each in left if speaks_of(each.word, role)] or left
-    if role in {*_NEEDED, "velocity"}:
-        left = [each for each in left if not has_word(each.word, "filtered")] or left
-    if role == "time" and len(left) > 1:
-        left = [each for each in left if increases(table, each.name)] or left
+    left, is_time, is_warm = list(found), role == "time", role == "temperature"
+    preferences: tuple[Callable[[Header], bool], ...] = (
+        lambda each: is_time and increases(table, each.name, always=True),
+        lambda each: is_warm and not has_word(each.word, "ambient"),
+        lambda each: is_warm and has_word(each.word, "fluid"),
+        lambda each: is_warm and has_word(each.word, "damper"),
+        lambda each: not has_word(each.word, "set point"),
+        lambda each: each.of_word == role,
+        lambda each: each.of_word == role and not names_by_symbol(each.name),
+        lambda each: speaks_of(each.word, role),
+        lambda each: role in MEASURED and not has_word(each.word, "filtered"),
+        lambda each: is_time and increases(table, each.name),
+    )
+    for is_better in preferences:
+        left = [each for each in left if is_better(each)] or left
     return left
 
 

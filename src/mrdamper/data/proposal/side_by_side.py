@@ -54,24 +54,17 @@ def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
     if width is None or any(name not in [*time, *names[:width]] for name in wanted):
         return (table,)
     runs = []
+    layout = replace(table.layout, notes=(*table.layout.notes, "runs side by side"))
     for first in range(len(time), len(filled), width):
-        own = filled[first : first + width]
-        columns = {name: table.columns[old] for name, old in zip(names[:width], own, strict=True)}
-        known = np.flatnonzero(np.any([np.isfinite(values) for values in columns.values()], axis=0))
+        own = dict(zip(names[:width], filled[first : first + width], strict=True))
+        known = np.flatnonzero(np.any([np.isfinite(table.columns[old]) for old in own.values()], axis=0))
         rows = int(known[-1]) + 1 if len(known) else 0
         if rows < SETTINGS.table_rows_min:
             return (table,)
-        columns = {**{name: table.columns[name] for name in time}, **columns}
-        runs.append(
-            replace(
-                table,
-                names=(*columns,),
-                columns={name: values[:rows] for name, values in columns.items()},
-                rows=rows,
-                title=" ".join(dict.fromkeys(filter(None, [table.title, *above[first : first + width]]))),
-                layout=replace(table.layout, notes=(*table.layout.notes, "runs side by side")),
-            )
-        )
+        own = {name: name for name in time} | own
+        columns = {name: table.columns[old][:rows] for name, old in own.items()}
+        title = " ".join(dict.fromkeys(filter(None, [table.title, *above[first : first + width]])))
+        runs.append(replace(table, names=(*own,), columns=columns, rows=rows, title=title, layout=layout))
     return tuple(runs)
 
 
@@ -87,12 +80,10 @@ def one_force_each(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
     if not is_wide or chosen.channel("force").name not in {None, *forces.values()}:
         return (table,)
     runs = []
+    layout = replace(table.layout, notes=(*table.layout.notes, "one column of force for each current"))
     for name, new in forces.items():
-        names = {
-            each: new if each == name else each for each in table.names if each == name or each not in forces
-        }
+        names = {each: each for each in table.names if each not in forces} | {name: new}
         columns = {names[each]: values for each, values in table.columns.items() if each in names}
-        layout = replace(table.layout, notes=(*table.layout.notes, "one column of force for each current"))
         runs.append(replace(table, names=(*names.values(),), columns=columns, title=name, layout=layout))
     return tuple(runs)
 
@@ -140,24 +131,15 @@ def wide_of_long(table: Table) -> tuple[Table, ...]:
         rows = {f"{name}": (channels == name) & (titles == title) for name in kinds[named[0]]}
         rows = {name: there for name, there in rows.items() if there.any()}
         columns = {name: table.columns[values[0]][there] for name, there in rows.items()}
-        stated = {
-            name: (units or [""])[int(np.argmax(there)) if units else 0] or "" for name, there in rows.items()
-        }
+        stated = {name: units[int(np.argmax(there))] or "" for name, there in rows.items()} if units else {}
         size = max(map(len, columns.values()))
         is_mixed = any((np.diff(seconds[there]) < 0.0).any() for there in rows.values())
         if size < SETTINGS.table_rows_min or is_mixed:
             return (table,)
         plain = replace(
-            table,
-            names=(*columns,),
-            columns=columns,
-            texts={},
-            stamps={},
-            units=stated,
-            rows=size,
-            title=title,
-            start=table.stamps.get(times[0], table.start),
+            table, names=(*columns,), columns=columns, texts={}, stamps={}, units=stated, rows=size
         )
+        plain = replace(plain, title=title, start=table.stamps.get(times[0], table.start))
         runs.append(with_times(plain, {name: seconds[there] for name, there in rows.items()}))
     return tuple(runs)
 
