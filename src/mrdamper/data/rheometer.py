@@ -88,6 +88,7 @@ def read_rheometer(path: str | Path) -> RheometerTable:
 
 def _rheometer_table(table: Table, place: str) -> RheometerTable:
     headers = {what: header for what in _QUANTITIES if (header := _find_column(what, table.names))}
+    used = {name for name, _ in headers.values()}
     found = ", ".join(map(repr, table.names))
     for what, needed in _REQUIRED:
         if what in headers and needed not in headers:
@@ -95,9 +96,9 @@ def _rheometer_table(table: Table, place: str) -> RheometerTable:
     if not {"viscosity", "yield stress"} & headers.keys():
         offered = f"{_offer('viscosity')}, or {_offer('yield stress')} with {_offer('field')}"
         raise InputError(f"neither viscosity nor yield stress among {found}", expected=offered)
-    columns = {what: _to_si(table, header, what) for what, header in headers.items()}
+    columns = {what: _to_si(table, *header, what) for what, header in headers.items()}
     kelvin, (field, field_unit) = columns["temperature"][0], columns.get("field", (None, ""))
-    notes = [f"{place}: column {name!r} is not used" for name in table.names if name not in headers.values()]
+    notes = [f"{place}: column {name!r} is not used" for name in table.names if name not in used]
     viscosity = yield_stress = None
     if "viscosity" in columns:
         eta = columns["viscosity"][0]
@@ -118,25 +119,20 @@ def _offer(what: str) -> str:
     return f"a header such as {_QUANTITIES[what].offered}"
 
 
-def _find_column(what: str, names: Sequence[str]) -> str | None:
-    """Return the header that names a quantity and its unit, None if no header names the quantity."""
-    named = [(name, unit) for name in names if (unit := _unit_in(name, what)) is not None]
-    good = [name for name, unit in named if _factor(what, unit) is not None]
+def _find_column(what: str, names: Sequence[str]) -> tuple[str, str] | None:
+    """Return the header that names a quantity, and its unit; None if no header names the quantity."""
+    words = _QUANTITIES[what].words.replace(" ", r"[\s_]+")
+    form = re.compile(rf"(?:{words})(?:[\s_/\[({{,]+(.*?)[\])}}]*)?\s*")
+    named = [(name, (match[1] or "").strip()) for name in names if (match := form.fullmatch(name.strip()))]
+    good = [(name, unit) for name, unit in named if _factor(what, unit) is not None]
     if len(good) > 1:
-        found = f"{len(good)} columns hold the {what}: {', '.join(map(repr, good))}"
+        found = f"{len(good)} columns hold the {what}: {', '.join(repr(name) for name, _ in good)}"
         raise InputError(found, expected="one", remedy="Give each its own table")
     if named and not good:
         name, unit = named[0]
         problem = f"unit {unit!r} in {name!r} is not a unit of {what}" if unit else f"{name!r} has no unit"
         raise InputError(problem, expected=_offer(what))
     return good[0] if good else None
-
-
-def _unit_in(header: str, what: str) -> str | None:
-    """Return the unit in a quantity's header ("" if missing), None for other headers."""
-    words = _QUANTITIES[what].words.replace(" ", r"[\s_]+")
-    match = re.fullmatch(rf"(?:{words})(?:[\s_/\[({{,]+(.*?)[\])}}]*)?\s*", header.strip())
-    return None if match is None else (match[1] or "").strip()
 
 
 def _factor(what: str, unit: str) -> tuple[float, str] | None:
@@ -146,11 +142,10 @@ def _factor(what: str, unit: str) -> tuple[float, str] | None:
     return _QUANTITIES[what].units.get(re.sub(r"[\s._*·/-]|(?<=m)\^?-1", "", unit))
 
 
-def _to_si(table: Table, header: str, what: str) -> tuple[FloatArray, str]:
+def _to_si(table: Table, header: str, unit: str, what: str) -> tuple[FloatArray, str]:
     """Return the values of a column in SI, and their unit. Raise InputError for implausible temperatures."""
     if header not in table.columns:
         raise InputError(f"column {header!r} holds text", expected="numbers")
-    unit = _unit_in(header, what) or ""
     if what != "temperature":
         factor, si_unit = _factor(what, unit) or (np.nan, "")
         return table.columns[header] * factor, si_unit
