@@ -81,25 +81,20 @@ def find_odd_siblings(runs: Sequence[Recording]) -> Iterator[Finding]:
 
     Runs whose names declare different frequencies or strokes are not of the same motion.
     """
-    sines = [
-        (values, [_number_in_names(run, name) for name in _SIBLINGS], run)
-        for run in runs
-        if "frequency" in (values := _values_of(run))
-    ]
+    sines = []
+    for run in runs:
+        if "frequency" in (values := _values_of(run)):
+            declared = [_number_in_names(run, name) for name in _SIBLINGS]
+            sines.append((run, declared, np.array([values[name] for name in _SIBLINGS])))
     limits = np.array([known.ratio_max for known in _SIBLINGS.values()])
-    for mine, declared, run in sines:
-        motion = np.array([mine[name] for name in _SIBLINGS])
-        siblings = [
-            [values[name] for name in _SIBLINGS]
-            for values, others_declared, other in sines
-            if other is not run and others_declared == declared
-        ]
+    for run, declared, motion in sines:
+        siblings = [each for other, names, each in sines if other is not run and names == declared]
         others = np.array([each for each in siblings if (np.abs(each / motion - 1.0) < limits).all()])
         if len(others) < SETTINGS.sibling_run_count_min:
             continue
-        for (quantity, known), values in zip(_SIBLINGS.items(), others.T, strict=True):
-            middle = float(np.median(values))
-            ratio, apart = mine[quantity] / middle, np.abs(values / middle - 1.0)
+        for (quantity, known), mine, theirs in zip(_SIBLINGS.items(), motion, others.T, strict=True):
+            middle = float(np.median(theirs))
+            ratio, apart = float(mine) / middle, np.abs(theirs / middle - 1.0)
             scatter = DEVIATION_PER_MAD * float(np.median(apart))
             deviation_min = max(known.deviation_min, 5.0 * scatter, 2.5 * float(np.max(apart)))
             if abs(ratio - 1.0) < deviation_min or scatter > known.scatter_max:
@@ -107,7 +102,7 @@ def find_odd_siblings(runs: Sequence[Recording]) -> Iterator[Finding]:
             size, error = 1.0 / ratio if quantity == "frequency" else ratio, max(scatter, 1e-3)
             unit, channel = _DECLARED[quantity].unit, _DECLARED[quantity].channel
             found = (
-                f"its {quantity} is {mine[quantity]:.4g} {unit}, and that of {len(others)} other runs of "
+                f"its {quantity} is {mine:.4g} {unit}, and that of {len(others)} other runs of "
                 f"this motion {middle:.4g} {unit}: {channel} times {size:.3f}"
             )
             effect = f"Velocities of this run are off by {percent(abs(ratio - 1.0))}, viscosity with them"

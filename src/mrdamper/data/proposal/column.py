@@ -147,15 +147,9 @@ def explained(table: Table, notes: Sequence[str], chosen: ChannelMap, file: str)
     if rates and not own_rates and not any(each.of_word == "time" for each in headers):
         remarks += (f"sampling rate from a document: {rates[0].strip()!r}",)
     said += [f"sampling rate: {1.0 / table.step_s:.9g} Hz"] if rates and table.step_s else []
-    table = replace(
-        table,
-        layout=replace(table.layout, notes=(*table.layout.notes, *remarks)),
-        units={**table.units, **units},
-        other_units=other_units,
-        said=tuple(said),
-        step_s=None if rates else table.step_s,
-    )
-    return renamed(table, meant) if meant else table
+    layout = replace(table.layout, notes=(*table.layout.notes, *remarks))
+    table = replace(table, layout=layout, said=tuple(said), step_s=None if rates else table.step_s)
+    return renamed(replace(table, units={**table.units, **units}, other_units=other_units), meant)
 
 
 def renamed(table: Table, names: Mapping[str, str]) -> Table:
@@ -220,13 +214,8 @@ def meant_without_unit(role: str, headers: Sequence[Header]) -> Header | None:
 
     Measured columns have priority over set points.
     """
-    found = [
-        each
-        for each in headers
-        if not each.unit
-        and each.of_word in {"", role}
-        and (begins_with_symbol(each.word, role) or speaks_of(each.word, role))
-    ]
+    bare = [each for each in headers if not each.unit and each.of_word in {"", role}]
+    found = [each for each in bare if begins_with_symbol(each.word, role) or speaks_of(each.word, role)]
     found = [each for each in found if not has_word(each.word, "set point")] or found
     return found[0] if len(found) == 1 else None
 

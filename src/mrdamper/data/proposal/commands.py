@@ -134,30 +134,26 @@ def _require_agreement(
             raise no_command(table, place, found, values)
 
 
-def with_temperature(
-    piece: Piece, told: tuple[tuple[str, float, str], ...], chosen: ChannelMap, texts: Sequence[Place]
-) -> tuple[Piece, tuple[tuple[str, float, str], ...]]:
+def with_temperature(piece: Piece, chosen: ChannelMap, texts: Sequence[Place]) -> Piece:
     """Add a constant temperature from the map or from words if there is no temperature column.
 
-    ``told`` has (role, value, source) of each value from words. Return the piece and ``told``, which then
-    includes a temperature from words. Contradictory temperatures are not used and give a finding.
+    Contradictory temperatures are not used and give a finding.
     """
     if "temperature" in piece.channels:
-        return piece, told
+        return piece
     value = chosen.constant.get("temperature")
     label = find_label(texts, "temperature") if value is None else None
     if label is not None and (len(label.values) != 1 or label.others):
         kind, effect = "contradictory_temperatures", "None of the temperatures is used"
         remedy = "Correct the texts, or answer temperature.value=VALUE"
         finding = Finding(kind, label.in_words("degC"), effect, remedy, channel="temperature")
-        return replace(piece, findings=(*piece.findings, finding)), told
+        return replace(piece, findings=(*piece.findings, finding))
     if label is not None:
         value = label.values[0]
-        told = (*told, ("temperature", value, label.source))
+        piece = replace(piece, told=(*piece.told, ("temperature", value, label.source)))
     if value is None:
-        return piece, told
-    warm = np.full(len(piece.time), value)
-    return replace(piece, channels={**piece.channels, "temperature": warm}), told
+        return piece
+    return replace(piece, channels={**piece.channels, "temperature": np.full(len(piece.time), value)})
 
 
 def segments_of(
@@ -192,14 +188,9 @@ def no_command(
     words = {name: word_and_unit(name) for name in table.columns}
     # If two columns have the same word, such as "force", the column in volts is a sensor output.
     often = Counter(word for word, _ in words.values())
-    volts = [
-        name
-        for name, (word, unit) in words.items()
-        if "voltage" in roles_of_unit(unit) and parse_header(name) is None and often[word] == 1
-    ]
-    monitors = [
-        name for name in volts if has_word(name, "sensor output") or speaks_of(words[name][0], "current")
-    ]
+    alone = [name for name, (word, _) in words.items() if often[word] == 1 and parse_header(name) is None]
+    volts = [name for name in alone if "voltage" in roles_of_unit(words[name][1])]
+    monitors = [each for each in volts if has_word(each, "sensor output") or speaks_of(each, "current")]
     if monitors:
         return no_scale("current", monitors, place)
     shares = command_shares(table)

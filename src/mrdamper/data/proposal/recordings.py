@@ -196,9 +196,9 @@ def _part_of(
         place_texts = (*places_of(title, said, file), *stated)
         own = maps.get(first, chosen)
         role, values, told = command_of(role, values, len(piece.time), table, own, place_texts, place)
-        piece, told = with_temperature(piece, told, chosen, place_texts)
         now = {**piece.channels, "command": values}
-        pieces.append(replace(piece, channels=now, told=told, command_unit=COMMAND_UNITS[role]))
+        piece = replace(piece, channels=now, told=told, command_unit=COMMAND_UNITS[role])
+        pieces.append(with_temperature(piece, chosen, place_texts))
     notes = [f"{', '.join(interpolated)} interpolated to the fastest clock"] if interpolated else []
     skipped = skipped_columns(table, columns, chosen)
     return pieces, columns, [*notes, *remarks, *([f"not used: {', '.join(skipped)}"] if skipped else [])]

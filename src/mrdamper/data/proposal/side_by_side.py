@@ -39,11 +39,8 @@ def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
     """
     if table.texts or table.clocks or table.stamps:
         return (table,)
-    filled = [
-        name
-        for name in table.names
-        if not _UNNAMED.fullmatch(_split_name(name)[1]) or np.isfinite(table.columns[name]).any()
-    ]
+    numeric = {name for name, values in table.columns.items() if np.isfinite(values).any()}
+    filled = [name for name in table.names if name in numeric or not _UNNAMED.fullmatch(_split_name(name)[1])]
     split = [_split_name(name) for name in filled]
     above, names = [title for title, _ in split], [name for _, name in split]
     width, time = _width(names), filled[:0]
