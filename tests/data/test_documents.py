@@ -647,6 +647,62 @@ def test_unclear_formulas_lead_to_question(tmp_path, formulas):
         read_runs(tmp_path)
 
 
+def loaded_by(name: str, text: str) -> Writer:
+    """Return a function that writes volts without header, with 10 mm/V and 200 N/V, and a script."""
+
+    def writer(folder: Path) -> None:
+        for k, run in enumerate(RUNS, 1):
+            t, x, f, _ = columns(run)
+            write(folder, f"a{k}.txt", table(t, x / 10.0, f / 200.0, sign=" ", form="%.9f"))
+        write(folder, name, text)
+
+    return writer
+
+
+MATLAB = (
+    f"kx = 10;  % LVDT, mm/V\nI = [{CURRENT_LIST}];  % coil current, A\nfor k = 1:3\n"
+    "    d = load(sprintf('a%d.txt', k));\n    t = d(:,1);  % time, s\n    x = kx.*d(:,2);  % stroke, mm\n"
+    "    F = 0.2*d(:,3);  % force, kN\n    plot(x, F); title(I(k))\nend\n"
+)
+PYTHON = (
+    "CURRENT_A = {"
+    + ", ".join(f"'a{k}.txt': {i}" for k, i in enumerate(CURRENTS, 1))
+    + "}\nfor file in CURRENT_A:\n    a = np.loadtxt(file)\n    t_s = a[:, 0]\n    x_mm = a[:, 1] * 1e1\n"
+    "    force = -a[:, 2] * -200  # N\n"
+)
+LOADED = {
+    "matlab": loaded_by("evaluate.m", MATLAB),
+    "r": loaded_by(
+        "evaluate.R",
+        f"I_A <- c({CURRENT_LIST})\nfor (k in 1:3) {{\n  d <- read.table(sprintf('a%d.txt', k))\n"
+        "  t_s <- d[,1]\n  x_mm <- 10*d[,2]\n  F_N <- d[, 3]*200\n  print(I_A[k])\n}\n",
+    ),
+    "python": loaded_by("load.py", PYTHON),
+}
+
+
+@pytest.mark.parametrize("script", LOADED)
+def test_script_assigns_columns_without_names(tmp_path, script):
+    LOADED[script](tmp_path)
+    assert_read(read_runs(tmp_path))
+
+
+UNCLEAR_SCRIPTS = {
+    "function": MATLAB.replace("kx.*", "gain(2)*"),
+    "power": MATLAB.replace("kx.*d(:,2)", "d(:,2)*10^2"),
+    "other_columns": MATLAB.replace("t = d(:,1);", "t = (0:999)/fs;").replace("(:,2)", "(:,1)"),
+    "missing_unit": MATLAB.replace("stroke, mm", "stroke"),
+    "other_index": MATLAB.replace("I(k)", "I(4-k)"),
+}
+
+
+@pytest.mark.parametrize("script", UNCLEAR_SCRIPTS)
+def test_unclear_script_leads_to_question(tmp_path, script):
+    loaded_by("evaluate.m", UNCLEAR_SCRIPTS[script])(tmp_path)
+    with pytest.raises(AskingError):
+        read_runs(tmp_path)
+
+
 BYSTANDERS = {
     "calibration.csv": "mass_kg,adc_counts\n" + "".join(f"{k},{900 * k + 7}\n" for k in range(6)),
     "results.csv": "run,peak_N,energy_J\n" + "".join(f"{k},{400 * k},{3 * k}\n" for k in range(1, 12)),

@@ -27,6 +27,10 @@ _SECTION = re.compile(r"\[+([^\]=,]+)\]+")
 _ENTRY = re.compile(r"(\s*)(- +)?(?:(\"[^\"]*\"|'[^']*'|[^\s:=\[{\"'][^:=]*?)\s*(?::(?=\s|$)|=|<-)\s*)?(.*)")
 _STATEMENT_END = re.compile(r";\s+(?=[A-Za-z_][\w.(){}]*\s*=[^=])")
 _TOKEN = re.compile(r"'[^']*'|\"[^\"]*\"|[\[\]{}(),;:=]|[^\s\[\]{}(),;:=]+")
+_COLUMN = re.compile(r"\b[\w.]+[(\[{]:?\s*,\s*(\d{1,2})[)\]}]")  # d(:,2), data[:, 1], d[,2]
+_LOADED = re.compile(
+    r"sprintf\(\s*.([^'\"%]*%0?\d?[di][^'\"%]*).\s*,\s*(\w+)\s*\)"
+)  # sprintf('run%02d.txt', k)
 _BRACKET = re.compile(r"(?:(?:(?:np\.)?array|c)\()?\s*[\[{]|c\(")
 _UNITS = ("unit", "units")
 _VALUES = ("value", "val", "mean", "set", "setpoint", "nominal", "actual")
@@ -41,6 +45,10 @@ def entries_of(text: str, suffix: str) -> list[str]:
     if suffix == ".json":
         return [*_lines(_tree_of_object(json.loads(text)))]
     remarks, tree = _tree_of_lines(text, suffix)
+    if loaded := _LOADED.search(text):  # The loop that loads file k also uses item k of a list.
+        indexed = {*re.findall(rf"\b(\w+)[(\[{{]+{loaded[2]}[)\]}}]", text)}
+        counts = {len(node) for name, node in tree.items() if f"{name}".split(" [")[0] in indexed}
+        tree |= {"file": {k: loaded[1] % k for k in range(1, counts.pop() + 1)}} if len(counts) == 1 else {}
     if suffix in SCRIPTS:
         tree = {key: _with_keys(node, remarks) for key, node in tree.items()}
     return [*remarks, *_lines(tree)]
@@ -93,6 +101,9 @@ def _tree_of_lines(text: str, suffix: str) -> tuple[list[str], Node]:
         line = whole_line[: SETTINGS.document_line_length_max]
         found = comment.match(line)
         body, remark = (found[1], found[2].strip()) if found else (line, "")
+        if suffix in SCRIPTS:
+            body = re.sub(r"\)\s*\{\s*$", ")", body)  # The lines of a loop in R are separate.
+            body = _COLUMN.sub(lambda found: f"column_{int(found[1]) + (suffix == '.py')}", body)
         body = begun + body.rstrip(" ;,." if suffix in SCRIPTS else " ;,")
         is_open = sum(map(body.count, "[{")) > sum(map(body.count, "]}"))
         begun = f"{body}, " if is_open else ""
@@ -147,9 +158,9 @@ def _key(name: str, value: Node | str, remark: str) -> str:
     """Return the name of an entry, with the unit of numbers from the remark."""
     name = name.strip("'\"")
     cells = [value] if isinstance(value, str) else [*value.values()]
-    unit = next((unit for unit in (re.split(r"[,;(]", remark)[0].strip(" []"), word_and_unit(remark)[1])
-                 if is_any_unit(unit)), "")  # fmt: skip
-    are_numbers = all(isinstance(cell, str) and is_number(cell) for cell in cells)
+    chunks = (*(chunk.strip(" []") for chunk in re.split(r"[,;(]", remark)), word_and_unit(remark)[1])
+    unit = re.sub(r"^C$", "degC", next(filter(is_any_unit, chunks), ""))
+    are_numbers = all(isinstance(each, str) and (is_number(each) or "column_" in each) for each in cells)
     return f"{name} [{unit}]" if unit and are_numbers and not all(word_and_unit(name)) else name
 
 
