@@ -13,6 +13,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from fnmatch import fnmatchcase
+from operator import eq
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -80,12 +81,11 @@ class Channel(ChannelTable):
                 expected = f"1 to {len(names)}, counted from 1"
                 raise InputError(place=where, found=f"index is {self.index}", expected=expected)
             return self.index - 1
-        if self.name is not None:
-            wanted, found = self.name, [k for k, name in enumerate(names) if name == self.name]
-        elif self.pattern is not None:
-            wanted, found = self.pattern, [k for k, x in enumerate(names) if fnmatchcase(x, self.pattern)]
-        else:
+        wanted = self.pattern if self.name is None else self.name
+        if wanted is None:
             return None
+        fits = fnmatchcase if self.name is None else eq
+        found = [k for k, name in enumerate(names) if fits(name, wanted)]
         if len(found) > 1:
             found_words = f"{wanted!r} is {len(found)} columns"
             raise InputError(place=where, found=found_words, remedy="Give its index")

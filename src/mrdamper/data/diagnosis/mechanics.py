@@ -68,36 +68,24 @@ def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
     if found is None or len(whole) < 3 or prepared.run.constant_command is None:
         return
     stroke = float(np.median(whole.stroke_m))
-    force = prepared.force[whole.row[0] : whole.end[-1]]
-    span = float(np.ptp(force))
+    span = float(np.ptp(prepared.force[whole.row[0] : whole.end[-1]]))
     ends = prepared.run.time[0] + prepared.trajectory.step * np.array([whole.row[0], whole.end[-1]])
-    for channel, size, scale, unit, shown, effect, remedy in (
-        (
-            *("displacement", found.displacement_m, stroke, "m", f"{1e3 * found.displacement_m:+.3g} mm"),
-            "A stiffness turns the drift into a force that was not measured",
-            "Use a law without stiffness, or Preparation(reference='mean'), or a shorter segment",
-        ),
-        (
-            *("force", found.force_N, span, "N", f"{found.force_N:+.3g} N"),
-            "A constant offset cannot follow the drift, which remains as an error",
-            "Let the load cell and its amplifier warm up; take a shorter segment",
-        ),
-    ):
-        if abs(size) <= SETTINGS.drift_ratio_max * scale:
-            continue
-        words = (
-            f"mean {channel} moves by {shown} from the first to the last of {len(whole)} cycles "
-            f"({percent(abs(size) / scale)} of its range)"
-        )
-        kind = "position_drift" if channel == "displacement" else "force_drift"
-        moved = Finding(kind, words, effect, remedy, channel=channel, size=size, unit=unit)
+    cycle_words = f"from the first to the last of {len(whole)} cycles"
+    if abs(size := found.displacement_m) > SETTINGS.drift_ratio_max * stroke:
+        words = f"mean displacement moves by {1e3 * size:+.3g} mm {cycle_words} "
+        words += f"({percent(abs(size) / stroke)} of its range)"
+        effect = "A stiffness turns the drift into a force that was not measured"
+        remedy = "Use a law without stiffness, or Preparation(reference='mean'), or a shorter segment"
+        moved = Finding("position_drift", words, effect, remedy, channel="displacement", size=size, unit="m")
         yield moved.between(*ends)
-    size = found.spread_percent
-    if abs(size) > SETTINGS.force_range_change_max_percent:
-        words = (
-            f"the range of force {'grows' if size > 0 else 'falls'} by {abs(size):.2g} % from the first to "
-            f"the last of {len(whole)} cycles"
-        )
+    if abs(size := found.force_N) > SETTINGS.drift_ratio_max * span:
+        words = f"mean force moves by {size:+.3g} N {cycle_words} ({percent(abs(size) / span)} of its range)"
+        effect = "A constant offset cannot follow the drift, which remains as an error"
+        remedy = "Let the load cell and its amplifier warm up; take a shorter segment"
+        moved = Finding("force_drift", words, effect, remedy, channel="force", size=size, unit="N")
+        yield moved.between(*ends)
+    if abs(size := found.spread_percent) > SETTINGS.force_range_change_max_percent:
+        words = f"the range of force {'grows' if size > 0 else 'falls'} by {abs(size):.2g} % {cycle_words}"
         error = f"{0.3 * abs(size):.2g} % of error"
         effect = f"A model at one temperature can only follow the middle: about {error} remain"
         remedy = "Record the temperature with the run, or take the segment after the damper has settled"

@@ -54,9 +54,8 @@ def command_role(columns: Iterable[Column], chosen: ChannelMap, place: str) -> s
     if both := {*COMMAND_UNITS} & measured & chosen.constant.keys():
         found = f"{both.pop()} is a column and a constant of the channel map; leave one out"
         raise InputError(place=place, found=found)
-    return next(
-        (role for known in (chosen.constant, measured) for role in COMMAND_UNITS if role in known), ""
-    )
+    known = [role for roles in (chosen.constant, measured) for role in COMMAND_UNITS if role in roles]
+    return known[0] if known else ""
 
 
 def command_of(

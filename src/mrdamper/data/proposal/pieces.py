@@ -89,31 +89,25 @@ def _continues(before: Piece, after: Piece) -> bool:
     return first is None or second is None or abs(first - second) <= command_slack(first)
 
 
-def filled(piece: Piece) -> Piece:
+def _filled(piece: Piece) -> Piece:
     """Interpolate missing numbers inside a channel, up to 1 % of its samples."""
-    channels, findings = dict(piece.channels), list(piece.findings)
-    rows = np.arange(len(piece.time), dtype=np.float64)
-    for role, values in {"time": piece.time, **piece.channels}.items():
-        missing = np.isnan(values)
-        count = int(missing.sum())
-        if not 0 < count <= 0.01 * len(values) or missing[0] or missing[-1]:
+    channels, findings = {"time": piece.time, **piece.channels}, list(piece.findings)
+    for role, values in channels.items():
+        missing = np.flatnonzero(np.isnan(values))
+        count, known = len(missing), np.flatnonzero(~np.isnan(values))
+        if not 0 < count <= 0.01 * len(values) or known[0] > 0 or known[-1] < len(values) - 1:
             continue
-        whole = values.copy()
-        whole[missing] = np.interp(rows[missing], rows[~missing], values[~missing])
-        channels[role] = whole
-        first, last = np.flatnonzero(missing)[[0, -1]].tolist()
+        channels[role] = np.interp(np.arange(len(values)), known, values[known])
+        first, last = missing[[0, -1]].tolist()
         found = f"{role} has {count} missing numbers, the first at sample {first}: interpolated"
         effect, remedy = "A reversal among them is flattened", "Fill them in the source if it has them"
-        finding = Finding(
-            "missing_filled", found, effect, remedy, channel=role, size=float(count), unit="samples"
-        )
         begin, end = (finite_or_none(piece.time[k]) for k in (first, last))
-        findings.append(replace(finding, from_s=begin, to_s=end))
-    time = channels.pop("time", piece.time)
-    return replace(piece, time=time, channels=channels, findings=tuple(findings))
+        finding = Finding("missing_filled", found, effect, remedy, channel=role, from_s=begin, to_s=end)
+        findings.append(replace(finding, size=float(count), unit="samples"))
+    return replace(piece, time=channels.pop("time"), channels=channels, findings=tuple(findings))
 
 
-def without_repeated_end(piece: Piece) -> Piece:
+def _without_repeated_end(piece: Piece) -> Piece:
     """Remove last samples that repeat the time and all values of an earlier sample."""
     columns = [piece.time, *piece.channels.values()]
     if len({*map(len, columns)}) > 1:  # A damaged file is reported later.
@@ -129,21 +123,19 @@ def without_repeated_end(piece: Piece) -> Piece:
     return replace(piece.part(slice(0, len(rows) - count)), findings=(*piece.findings, finding))
 
 
-def cut_at_gaps(piece: Piece) -> Iterator[Piece]:
-    """Generate the parts of a piece between its time gaps, with a finding for each gap.
+def repaired_parts(piece: Piece) -> Iterator[Piece]:
+    """Repair a piece, and generate its parts between time gaps, with a finding for each change.
 
     A piece is not divided if one of the parts would be too short.
     """
+    piece = _filled(_without_repeated_end(piece))
     steps = np.diff(piece.time)
-    if len(steps) < 2 * LEAST_SAMPLES or not (np.isfinite(steps).all() and (steps > 0.0).all()):
-        yield piece
-        return
-    usual = float(np.median(steps))
+    increases = len(steps) > 0 and bool(np.isfinite(steps).all() and (steps > 0.0).all())
+    usual = float(np.median(steps)) if increases else np.inf
     gaps = np.flatnonzero(steps > GAP_MIN_STEPS * usual) + 1
     edges = [0, *gaps.tolist(), len(piece.time)]
     if not len(gaps) or min(np.diff(edges)) < LEAST_SAMPLES or changes_of_pace(steps, len(gaps)) is not None:
-        yield piece
-        return
+        edges = [0, len(piece.time)]
     for first, last in itertools.pairwise(edges):
         part = piece.part(slice(first, last))
         if first:

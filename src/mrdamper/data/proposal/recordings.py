@@ -29,15 +29,7 @@ from mrdamper.data.proposal.commands import (
 from mrdamper.data.proposal.documents import lines_by_title
 from mrdamper.data.proposal.folders import GENERIC_SUFFIXES, format_suffixes, own_name
 from mrdamper.data.proposal.formulas import converted
-from mrdamper.data.proposal.pieces import (
-    Piece,
-    cut_at_gaps,
-    filled,
-    join_pieces,
-    run_edges,
-    with_stated_signs,
-    without_repeated_end,
-)
+from mrdamper.data.proposal.pieces import Piece, join_pieces, repaired_parts, run_edges, with_stated_signs
 from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all, relocate
 from mrdamper.data.proposal.roles import find_columns, skipped_columns
 from mrdamper.data.proposal.side_by_side import one_force_each, side_by_side, wide_of_long, with_run_numbers
@@ -99,7 +91,7 @@ def runs_in(
             if len(tables) > 1 and table.title:
                 part = "sheet" if table.layout.format == "Excel file" else "part"
                 relocate(fault, file.name, f"{file.name}, {part} {table.title!r}")
-            if len(tables) == 1 or not _is_other_kind(table, tables):
+            if not _is_other_kind(table, tables):
                 faults.append(fault)
     if faults or not parts:
         error = ask_all(faults) if faults else InputError(place=file.name, found="no table holds a run")
@@ -247,8 +239,7 @@ def _make_recordings(
     starts: list[Moment | None] = []
     for piece, name in zip(pieces, _names(pieces, chosen, stem), strict=True):
         zero = float(piece.time[0]) if len(pieces) > 1 or chosen.segments else 0.0
-        whole = filled(without_repeated_end(replace(piece, time=piece.time - zero)))
-        parts = list(cut_at_gaps(whole))
+        parts = list(repaired_parts(replace(piece, time=piece.time - zero)))
         for number, part in enumerate(parts, 1):
             run = f"{name}_{number}" if len(parts) > 1 else name
             for values in (part.time, *part.channels.values()):

@@ -15,15 +15,7 @@ from dataclasses import replace
 
 from mrdamper.data.channels import Channel, ChannelMap
 from mrdamper.data.formats.table import Table
-from mrdamper.data.proposal.clocks import (
-    MEASURED,
-    fastest_time,
-    increases,
-    is_coarse_clock,
-    require_one_rate,
-    unit_by_magnitude,
-    unit_by_rate,
-)
+from mrdamper.data.proposal import clocks
 from mrdamper.data.proposal.column import (
     Column,
     Header,
@@ -63,7 +55,7 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
     faults: list[InputError] = []
     for role in (*(role for role in QUANTITIES if role != "time"), "time"):
         channel = chosen.channel(role)
-        own_time = fastest_time(table, [column.name for column in columns]) if role == "time" else None
+        own_time = clocks.fastest_time(table, [column.name for column in columns]) if role == "time" else None
         try:
             if own_time is not None and channel.find(table.names, place) is None:
                 unit = channel.unit or header_of(table, own_time).unit
@@ -116,7 +108,7 @@ def column_of(
     if role == "time" and chosen.rate_Hz is None and table.step_s is None:
         # If the first and the last time stamp are equal, the column repeats the start time of the record.
         stamps = [name for name in table.stamps if table.columns[name][0] != table.columns[name][-1]]
-        stamps = [name for name in stamps if not is_coarse_clock(table, name, chosen, place)]
+        stamps = [name for name in stamps if not clocks.is_coarse_clock(table, name, chosen, place)]
         named = [each for each in headers if each.of_word == "time" and "time" in each.of_unit]
         if stamps and not named:
             return _select_one("time", [Column("time", name, "s", "times of day") for name in stamps], place)
@@ -128,7 +120,7 @@ def column_of(
         source = "header" if best[0].of_word == role else "unit alone"
         column = _select_one(role, [Column(role, each.name, each.unit, source) for each in best], place)
         if role == "time":
-            require_one_rate(column, table, place)
+            clocks.require_one_rate(column, table, place)
         return Column(role, column.name, channel.unit or column.unit, column.source)
     return _column_without_unit(role, table, headers, chosen, place)
 
@@ -149,7 +141,7 @@ def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
     """Return the columns that match a role best. Several columns lead to a question."""
     left, is_time, is_warm = list(found), role == "time", role == "temperature"
     preferences: tuple[Callable[[Header], bool], ...] = (
-        lambda each: is_time and increases(table, each.name, always=True),
+        lambda each: is_time and clocks.increases(table, each.name, always=True),
         lambda each: is_warm and not has_word(each.word, "ambient"),
         lambda each: is_warm and has_word(each.word, "fluid"),
         lambda each: is_warm and has_word(each.word, "damper"),
@@ -157,8 +149,8 @@ def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
         lambda each: each.of_word == role,
         lambda each: each.of_word == role and not names_by_symbol(each.name),
         lambda each: speaks_of(each.word, role),
-        lambda each: role in MEASURED and not has_word(each.word, "filtered"),
-        lambda each: is_time and increases(table, each.name),
+        lambda each: role in clocks.MEASURED and not has_word(each.word, "filtered"),
+        lambda each: is_time and clocks.increases(table, each.name),
     )
     for is_better in preferences:
         left = [each for each in left if is_better(each)] or left
@@ -190,7 +182,7 @@ def _column_without_unit(
     meant = meant_without_unit(role, headers)
     if not worded and meant is not None and channel.unit:
         return Column(role, meant.name, channel.unit, "its word, and an answer")
-    if role == "time" and meant is not None and (unit := unit_by_magnitude(table.columns[meant.name])):
+    if role == "time" and meant is not None and (unit := clocks.unit_by_magnitude(table.columns[meant.name])):
         return Column(role, meant.name, unit, "size of its numbers")
     if not worded:
         if role in chosen.channels and channel.name is None and not channel.unit:
@@ -204,7 +196,7 @@ def _column_without_unit(
     column = _select_one(role, [Column(role, each.name, each.unit) for each in left], place)
     unit = channel.unit or column.unit
     if not unit and role == "time":
-        unit = unit_by_rate(column.name, table)
+        unit = clocks.unit_by_rate(column.name, table)
     is_volts = "voltage" in roles_of_unit(unit)
     if channel.unit or role in roles_of_unit(unit) or (is_volts and channel.gain is not None):
         return Column(role, column.name, unit, "header" if column.unit else "sampling rate")
