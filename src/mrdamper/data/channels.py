@@ -16,7 +16,7 @@ from fnmatch import fnmatchcase
 from operator import eq
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -46,7 +46,7 @@ class ChannelTable:
     """Factor from the numbers in the file to the SI unit of the role."""
     offset: float = 0.0
     """Offset that is added before the sign is applied [SI]."""
-    sign: int = 1
+    sign: Literal[1, -1] = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +61,6 @@ class Channel(ChannelTable):
         given = [key for key in ("name", "pattern", "index") if getattr(self, key) is not None]
         if len(given) > 1:
             raise InputError(place=place, found=f"{' and '.join(given)} are given; give one of them")
-        if self.sign not in {1, -1}:
-            raise InputError(place=place, found=f"sign is {self.sign}", expected="1 or -1")
         if self.gain is None:
             return
         if not (math.isfinite(self.gain) and self.gain != 0.0):

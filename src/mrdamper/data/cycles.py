@@ -95,9 +95,7 @@ def cycles(prepared: PreparedRun) -> CycleFigures:
 def count_record(run: Recording, stroke_min_m: float | None = None) -> CountedRecord:
     """Return the cycles of a record as measured; no cycle crosses a break.
 
-    Parameters
-    ----------
-    stroke_min_m : a smaller reversal does not begin a cycle; None: 5 % of the range of displacement
+    A reversal below ``stroke_min_m`` does not begin a cycle (None: 5 % of the range of displacement).
     """
     if stroke_min_m is None:
         known = run.displacement[np.isfinite(run.displacement)]

@@ -52,8 +52,7 @@ class Preparation:
         """Return the preparation from the result of ``to_dict``. Raise an error for an unknown key."""
         if given.get("cutoff_Hz") != "none":
             return read_record(cls, given, "preparation")
-        smoothed = {key: value for key, value in given.items() if key != "cutoff_Hz"}
-        return replace(read_record(cls, smoothed, "preparation"), cutoff_Hz=math.inf)
+        return replace(read_record(cls, {**given, "cutoff_Hz": None}, "preparation"), cutoff_Hz=math.inf)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -44,11 +44,8 @@ def drift(prepared: PreparedRun) -> Drift | None:
         return None
     first, last = (slice(found.row[k], found.end[k]) for k in (0, -1))
     x, force = prepared.trajectory.displacement, prepared.force
-    return Drift(
-        displacement_m=float(x[last].mean() - x[first].mean()),
-        force_N=float(force[last].mean() - force[first].mean()),
-        spread_percent=100.0 * float(np.std(force[last]) / np.std(force[first]) - 1.0),
-    )
+    moved_m, moved_N = (float(values[last].mean() - values[first].mean()) for values in (x, force))
+    return Drift(moved_m, moved_N, 100.0 * float(np.std(force[last]) / np.std(force[first]) - 1.0))
 
 
 def estimate_lag(prepared: PreparedRun, period_s: float) -> float:

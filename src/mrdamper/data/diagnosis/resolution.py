@@ -89,9 +89,7 @@ def find_interference(prepared: PreparedRun) -> Iterator[Finding]:
         f"multiple of the motion's {1.0 / prepared.period_s:.3g} Hz"
     )
     effect = f"No model of the damper has an error below {percent(amplitude / spread)} on this run"
-    remedy = (
-        "Look for mains or a converter nearby, and for its alias: sample faster, or filter before sampling"
-    )
+    remedy = "Look for mains or a converter nearby, or its alias: sample faster, or filter before sampling"
     yield Finding("interference", found, effect, remedy, channel="force", size=amplitude, unit="N")
 
 

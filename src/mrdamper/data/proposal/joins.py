@@ -149,15 +149,13 @@ def _join_channels(parts: Sequence[_ChannelFile]) -> Table:
 
 
 Run = tuple[Path, Recording, Moment | None]  # File, recording, and the moment of its time zero.
+Files = Sequence[tuple[Path, RigFile]]
 _Log = tuple[Moment, FloatArray, FloatArray]  # Start, times after the start [s], and temperatures [K].
 
 
 def join_temperature_logs(
-    read: Sequence[tuple[Path, RigFile]],
-    others: Sequence[Path],
-    chosen: ChannelMap,
-    answers: Sequence[Answer],
-) -> tuple[list[tuple[Path, RigFile]], dict[Path, Finding]]:
+    read: Files, others: Sequence[Path], chosen: ChannelMap, answers: Sequence[Answer]
+) -> tuple[Files, dict[Path, Finding]]:
     """Return all files of ``read`` with temperatures from logs, and a finding for each log.
 
     A temperature is added to each recording that exactly one log covers. ``others`` are files that may be

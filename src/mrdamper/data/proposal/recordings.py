@@ -117,23 +117,21 @@ def _may_be_run(table: Table, *, is_foreign: bool) -> bool:
     A foreign file has a suffix that rig files do not have. It must have both a motion and a force.
     """
     is_sweep = any(_is_other_quantity(name) and increases(table, name) for name in table.names)
+    is_short = table.rows < LEAST_SAMPLES
     if not any(candidates(role, table.names) for role in QUANTITIES):  # Unnamed columns may have any role.
-        is_long = table.rows >= LEAST_SAMPLES
-        return is_long and not (is_foreign or is_sweep or all(map(_is_other_quantity, table.names)))
+        return not (is_short or is_foreign or is_sweep or all(map(_is_other_quantity, table.names)))
     samples = headers_of(table)
     names = [each.name for each in samples]
     motions = [name for role in ("displacement", "velocity") for name in candidates(role, names)]
     has_time = bool(table.stamps or table.clocks or table.step_s or candidates("time", table.names))
-    if not has_time and (
-        table.rows < LEAST_SAMPLES or is_sweep or all(increases(table, name) for name in motions)
-    ):
+    if not has_time and (is_short or is_sweep or all(increases(table, name) for name in motions)):
         return False
     # The motion may be in a column without a unit or with the unit V.
     is_unclear = any(not unit_in_brackets(each.name) or "voltage" in each.of_unit for each in samples)
     has_force = bool(candidates("force", names))
     if is_foreign or any(has_word(name, "model") for name in candidates("force", table.names)):
         return bool(motions) and has_force
-    return bool(motions) or (is_unclear and table.rows >= LEAST_SAMPLES and has_force)
+    return bool(motions) or (is_unclear and has_force and not is_short)
 
 
 def _is_other_quantity(name: str) -> bool:
