@@ -148,13 +148,13 @@ def hdf5_rate(path: Path, channels: Channels) -> None:
 
 
 def hdf5_groups(path: Path, channels: Channels) -> None:
-    """Write an HDF5 file with a group for each channel. A group contains samples and times."""
+    """Write an HDF5 file with a group for each channel. A group contains samples and times [ms]."""
     import h5py
 
     with h5py.File(path, "w") as file:
         for name, each in channels.items():
-            file.create_dataset(f"rig/{name}/data", data=each.values).attrs["unit"] = each.unit
-            file.create_dataset(f"rig/{name}/time", data=each.time).attrs["unit"] = "s"
+            file.create_dataset(f"rig/{name}/v", data=each.values).attrs["unit"] = each.unit
+            file.create_dataset(f"rig/{name}/t", data=1e3 * each.time).attrs["unit"] = "ms"
 
 
 def write_labview(path: Path, channels: Channels, *, wide: bool, moments: bool) -> None:
@@ -237,6 +237,24 @@ def mat_rates(path: Path, channels: Channels) -> None:
     )
 
 
+def mat_prefix(path: Path, channels: Channels) -> None:
+    """Write arrays with a common prefix, as Dewesoft exports them. The times have no unit."""
+    from scipy.io import savemat
+
+    variables: dict[str, Any] = {"Sample_rate": 500.0}
+    for name, each in channels.items():
+        variables |= {f"Data1_{name}_{each.unit}": each.values, f"Data1_time_{name}": each.time}
+    savemat(path, variables)
+
+
+def npz_times(path: Path, channels: Channels) -> None:
+    """Write times named after their channel. The time of the force is in milliseconds."""
+    times = {"t_disp": channels["Displacement"], "current time [s]": channels["Current"]}
+    arrays = {name: each.time for name, each in times.items()} | {"force_t_ms": 1e3 * channels["Force"].time}
+    names = {"disp_mm": "Displacement", "force_N": "Force", "Current [A]": "Current"}
+    np.savez(path, **arrays, **{name: channels[key].values for name, key in names.items()})  # type: ignore[arg-type]
+
+
 def objects(path: Path, channels: Channels) -> None:
     document = {
         name: {"unit": each.unit, "dt_ms": 1e3 * each.step_s, "start_s": each.start_s, "y": [*each.values]}
@@ -279,6 +297,8 @@ WRITERS: Mapping[Callable[[Path, Channels], None], str] = {
     mat: "run.mat",
     mat73: "run.mat",
     mat_rates: "run.mat",
+    mat_prefix: "run.mat",
+    npz_times: "run.npz",
     objects: "run.json",
     mdf: "run.mf4",
     columns_apart: "run.csv",
@@ -333,6 +353,16 @@ def test_channel_covering_half_record_requires_answer(tmp_path):
     (tmp_path / "map.toml").write_text("[file]\ncommon_time = true\n", encoding="utf-8")
     (run,) = read_run(path, tmp_path / "map.toml")
     assert run.time[0] == pytest.approx(2.0)
+
+
+def test_times_of_channels_without_unit_are_questioned(tmp_path):
+    """Steps of 2 cannot be in seconds, and milliseconds are not assumed."""
+    times = {f"time_{name}": 1e3 * each.time for name, each in recording().items()}
+    arrays = {f"{name} [{each.unit}]": each.values for name, each in recording().items()}
+    np.savez(tmp_path / "run.npz", **arrays, **times)  # type: ignore[arg-type]
+    with pytest.raises(AskingError) as fault:
+        read_run(tmp_path / "run.npz")
+    assert [each.key for each in fault.value.questions] == ["time.unit"]
 
 
 @pytest.mark.parametrize("value", [0.02, 2.0, 25.0])

@@ -588,6 +588,9 @@ STORED: dict[str, Writer] = {
     ),
     "archives_in_a_subfolder": packed(".gz"),
     "unpacked_names_of_archives": packed(""),
+    "values_after_names_in_a_line": about(
+        "readme.txt", f"Coil: {each('%(n)s %(i)s A, ')}\nOil at the start: {each('%(n)s = 30 degC; ')}", BARE
+    ),
     "rows_without_header": about("protocol.txt", each("%(n)s   oil 30 °C   coil %(i)s A\n"), BARE),
 }
 
@@ -601,6 +604,7 @@ def test_document_describes_runs_of_any_storage(tmp_path, document):
 UNEXPLAINED = {
     "steps_of_a_test": coded("Step 1 = 0 A, step 2 = 1 A", ("run_1", "run_2", "run_3")),
     "missing_code": coded("A = 0 A, B = 0.75 A"),
+    "single_name_in_a_line": about("readme.txt", "Coil: sine 1 A"),
     "two_places": coded("A = 0 A, B = 0.75 A", ("A_B_1", "B_A_2", "A_A_3")),
 }
 

@@ -93,6 +93,22 @@ def test_named_mat_signals_need_no_map(tmp_path, save, variables):
     assert run.constant_command == 0.5
 
 
+@pytest.mark.parametrize(
+    "conditions",
+    [
+        {"oil": {"value": 24.0, "unit": "degC"}, "coil": {"value": 500.0, "unit": "mA"}},
+        {"test": {"oil_degC": 24.0, "coil_current_A": 0.5}},
+        {"test": {"temperature": "24 degC", "current": "0.5 A"}},
+    ],
+)
+def test_conditions_in_mat_structures_are_used(tmp_path, save, conditions):
+    arrays = {f"{name}_{SIGNALS[name][1]}": SIGNALS[name][0] for name in ("displacement", "force")}
+    save(tmp_path / "run.mat", {"data": {"time_s": TIME, **arrays}, "conditions": conditions})
+    (run,) = read_run(tmp_path / "run.mat")
+    assert run.constant_command == 0.5
+    assert run.temperature == pytest.approx(297.15)
+
+
 def test_mat_recordings_are_read_separately(table):
     read = table(rec1=dspace(), rec2=dspace(), part="rec2")
     assert {"Time [s]", "displacement", "force", "current"} <= set(read.names)

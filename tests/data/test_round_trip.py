@@ -88,6 +88,15 @@ def test_hdf5_types_and_shapes_are_read(tmp_path, order):
     assert set(table.said) == {"rig: bench 3", "coil_current_A: 0.5 A"}
 
 
+def test_hdf5_attributes_of_empty_group_are_values(tmp_path):
+    with h5py.File(tmp_path / "run.h5", "w") as file:
+        file["run/F"] = np.arange(5.0)
+        file.create_group("conditions").attrs["oil_degC"] = 24.0
+    assert_table(
+        read_hdf5(tmp_path / "run.h5", PLAIN), {"oil_degC": np.array([24.0]), "F": np.arange(5.0)}, 5
+    )
+
+
 def test_hdf5_recordings_are_read_separately(tmp_path):
     path = tmp_path / "run.h5"
     with h5py.File(path, "w") as file:

@@ -148,11 +148,12 @@ def with_times(
     if len(clocks) == 1 and not titles and "time" not in table.names:
         clocks, clock_of = {"time": clocks["clock 1"]}, dict.fromkeys(clock_of, "time")
     numbers = {clock: number for number, clock in enumerate(clocks)}
+    names, units = (*table.names, *clocks), {**dict.fromkeys(clocks, "s"), **table.units}
     return replace(
         table,
-        names=(*table.names, *clocks),
+        names=names,
         columns={**table.columns, **clocks},
-        units={**dict.fromkeys(clocks, "s"), **table.units},
+        units={name: units[name] for name in names if name in units},
         clocks=numbers | {name: numbers[clock] for name, clock in clock_of.items()},
         recorded_apart=True,
     )

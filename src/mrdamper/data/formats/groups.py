@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.clocks import stated_sampling, with_samplings, with_times
+from mrdamper.data.formats.clocks import Sampling, stated_sampling, with_samplings, with_times
 from mrdamper.data.formats.lines.cells import number_in
 from mrdamper.data.formats.lines.properties import names_quantity
 from mrdamper.data.formats.settings import SETTINGS
@@ -27,7 +27,7 @@ from mrdamper.data.formats.table import (
 from mrdamper.data.words.headers import means, parse_header, speaks_of, word_and_unit
 from mrdamper.quantities import QUANTITIES, roles_of_unit
 
-_SAMPLES = frozenset({"data", "values", "value", "y", "samples", "signal"})
+_PREFIX = re.compile(r"(.+?\d|[^\d_]+)_(.+)")  # "Data1_Force", "MRD_0001_Force" or "rig_Force"
 _LINE_OF_MATRIX = re.compile(r"column \d+ of (.*)")
 UNIT_NAMES = ("unit", "units", "Unit", "Units")
 
@@ -73,7 +73,8 @@ def table_of_arrays(
     ----------
     units : path -> text. A text with the path ``units.force`` is the unit of the array ``force``.
     """
-    inside = [each for each in rename_by_structures(arrays) if is_in_part(each.path, layout.part)]
+    arrays = rename_by_structures(with_own_times(arrays))
+    inside = [each for each in arrays if is_in_part(each.path, layout.part)]
     others = recordings_in([each.path for each in inside if each.size > 1 and not each.is_clock])
     part = others[0] if others else layout.part
     inside = [each for each in inside if is_in_part(each.path, part)]
@@ -122,9 +123,51 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
     if not own:
         return table
     columns = {name: values for name, values in table.columns.items() if name not in times.values()}
-    units = {name: unit for name, unit in table.units.items() if name not in times.values()}
-    bare = replace(table, names=tuple(columns), columns=columns, units=units)
+    step = min(float(np.median(np.diff(table.columns[time]))) for time in own.values())
+    default = "s" if Sampling(step, has_unit=False).is_plausible else ""
+    units = {time: table.units.get(time) or word_and_unit(time)[1] or default for time in own.values()}
+    bare = replace(table, names=tuple(columns), columns=columns, units={**table.units, **units})
     return with_times(bare, {name: table.columns[time] for name, time in own.items()}, own)
+
+
+def with_prefix_groups(arrays: Iterable[StoredArray]) -> list[StoredArray]:
+    """Return arrays with a group for each prefix: ``Data1_Force`` becomes ``Data1/Force``.
+
+    Each array must have a prefix, and each prefix must have a time and at least two other arrays.
+    """
+    arrays = list(arrays)
+    own = {each.path: _PREFIX.fullmatch(each.name) for each in arrays if each.size > 1}
+    split = {path: (*path[:-1], *match.groups()) for path, match in own.items() if match}
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for path in split.values():
+        groups.setdefault(path[:-1], []).append(path[-1])
+    count = [sum(speaks_of(name, "time") for name in names) for names in groups.values()]
+    is_whole = all(0 < times < len(names) - 1 for times, names in zip(count, groups.values(), strict=True))
+    if len(split) < len(own) or not is_whole:
+        return arrays
+    return [replace(each, path=split.get(each.path, each.path)) for each in arrays]
+
+
+def with_own_times(arrays: Iterable[StoredArray]) -> list[StoredArray]:
+    """Return arrays in which times named after a channel are in a group of this channel.
+
+    Examples for the channel ``Force [N]`` are ``time_Force``, ``t_force_s`` and ``Force time``.
+    """
+    arrays = list(arrays)
+    channels: dict[tuple[object, ...], list[StoredArray]] = {}
+    times: dict[tuple[object, ...], list[StoredArray]] = {}
+    for each in arrays:
+        words = re.findall(r"[^\W_]+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", word_and_unit(each.name)[0]))
+        other = [word.lower() for word in words if word != "t" and not speaks_of(word, "time")]
+        group = channels if len(other) == len(words) else times
+        group.setdefault((each.path[:-1], each.size, *other), []).append(each)
+    moved: dict[tuple[str, ...], StoredArray] = {}
+    for key, (time, *others) in times.items():
+        if time.size > 1 and len(key) > 2 and not others and len(channels.get(key, ())) == 1:
+            path = (*channels[key][0].path, "time")
+            unit = time.unit or word_and_unit(time.name)[1]
+            moved[time.path] = replace(time, path=path, unit=unit, is_clock=True)
+    return [moved.get(each.path, each) for each in arrays]
 
 
 def rename_by_structures(arrays: Iterable[StoredArray]) -> list[StoredArray]:
@@ -149,7 +192,7 @@ def rename_by_structures(arrays: Iterable[StoredArray]) -> list[StoredArray]:
         if not (unit or word in symbols or names_quantity(group[-1])):
             continue  # The name of the structure is not the name of a channel.
         (one,) = samples
-        if one.name.lower() in _SAMPLES:
+        if not names_quantity(one.name):
             unit = one.unit or next((f"{one.settings[key]}" for key in UNIT_NAMES if key in one.settings), "")
             named[one.path] = replace(one, path=group, unit=unit)
             for time in times:

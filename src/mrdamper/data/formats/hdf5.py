@@ -73,8 +73,9 @@ class _Tree:
             return [
                 {name: self._value(item) for name, item in zip(members, row, strict=True)} for row in rows
             ]
-        found = _Structure({name: self._value(item) for name, item in members.items()})
-        found.settings = _settings(group)
+        settings = _settings(group)  # A group of conditions may have only attributes.
+        found = _Structure({name: self._value(item) for name, item in members.items()} or settings)
+        found.settings = settings
         return found
 
     def _value(self, item: Any) -> Any:  # noqa: ANN401 - h5py has no types

@@ -27,6 +27,7 @@ from mrdamper.data.formats.groups import (
     read_values,
     skipped_note,
     table_of_arrays,
+    with_prefix_groups,
     with_runs_of_matrices,
     with_values_of_runs,
 )
@@ -48,7 +49,7 @@ def table_of_variables(
     """
     found = _Variables(variables)
     layout = Layout(kind, part=options.part, notes=skipped_note([*skipped, *found.objects]))
-    found.arrays = with_values_of_runs(with_runs_of_matrices(found.arrays))
+    found.arrays = with_values_of_runs(with_runs_of_matrices(with_prefix_groups(found.arrays)))
     # A single start time, time step or sampling rate in a structure is a setting.
     is_time = {each.path for each in found.arrays if each.size == 1 and is_setting_of_time(each.name)}
     arrays = [each for each in found.arrays if len(each.path) == 1 or each.path not in is_time]
@@ -101,11 +102,9 @@ class _Variables:
     def _collect_fields(
         self, path: tuple[str, ...], value: Mapping[str, Any], outer: Mapping[str, object]
     ) -> None:
-        fields = _signals_by_axis(
-            {str(k): inner for k, inner in value.items() if not f"{k}".startswith("__")}
-        )
+        named = {str(k): inner for k, inner in value.items() if not f"{k}".startswith("__")}
+        fields = _signals_by_axis(_with_units(named))
         own = {name: one for name, inner in fields.items() if (one := _single(inner)) is not None}
-        own |= _sampling_of(fields)
         settings = {name: inner for name, inner in outer.items() if name not in UNIT_NAMES} | own
         arrays = {name: inner for name, inner in fields.items() if _is_numbers(inner)}
         texts = {name: inner for name, inner in fields.items() if isinstance(inner, str)}
@@ -207,15 +206,23 @@ def _elements(value: Any) -> list[Any]:  # noqa: ANN401 - any value
     return [*value.flat] if isinstance(value, np.ndarray) else value if isinstance(value, list) else [value]
 
 
-def _sampling_of(fields: Mapping[str, Any]) -> dict[str, object]:
-    """Return the settings of structures such as ``sampling: {interval: 4, unit: ms}`` by joined names."""
-    own: dict[str, object] = {}
+def _with_units(fields: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return ``oil: {value: 24, unit: degC}`` as ``oil [degC]: 24``, and other fields unchanged.
+
+    Settings of time in a structure ``sampling`` also get the name of the structure.
+    """
+    found: dict[str, Any] = {}
     for name, inner in fields.items():
-        if isinstance(inner, Mapping) and "sampl" in name.lower():
-            values = {f"{name} {key}": _single(value) for key, value in inner.items()}
-            named = {key: value for key, value in values.items() if is_setting_of_time(key)}
-            own |= named | {f"{key}_unit": values.get(f"{name} unit", "") for key in named}
-    return own
+        single = {key: _single(each) for key, each in inner.items()} if isinstance(inner, Mapping) else {}
+        unit = "".join(f" [{single.pop(key)}]" for key in UNIT_NAMES if key in single)
+        times = [key for key in single if "sampl" in name.lower() and is_setting_of_time(f"{name} {key}")]
+        if times:
+            found |= {f"{name} {key}{unit}": single[key] for key in times}
+        elif unit and [*map(type, single.values())] in ([int], [float]):
+            found |= {f"{name}{unit}": number for number in single.values()}
+        else:
+            found[name] = inner
+    return found
 
 
 def _single(value: Any) -> Any:  # noqa: ANN401 - any value

@@ -49,6 +49,7 @@ _ALL_RUNS = re.compile(
 )
 _PACKED = re.compile(r"\.(?:gz|bz2|xz)$")
 _CODE = r"(?:^|(?<=[,;:(|])(?!(?<=\d,)\d))[\s*`'\"-]*({})[`'\"]*\s*(?:=|:|->|→|[-–]\s)"
+_CODE_OR_NAME = rf"{_CODE[:-1]}|(?<=\s)(?=[+-]?\d))"  # A value after the name of a file needs no sign.
 _VALUE = r"\d+(?:[.,p]\d+)?\s?m?[AV](?![^\W_])"  # A current in the names of files is a code too.
 _ANY_CODE = re.compile(_CODE.format(rf"[^\W\d_]\w{{0,3}}|\d{{1,2}}(?=\s*=)|{_VALUE}"))
 _ENTRY = re.compile(r"\s*[-*]?\s*([^\s:=][^:=]*?)\s*[:=]\s*([^\s:=][^:=]*?)\s*")
@@ -280,7 +281,7 @@ def _lines_by_file(
     if is_run and not names_a_file:
         return {}  # The file is a run that names no other file.
     codes = _codes(lines, files)
-    found = _lines_by_code(lines, codes)
+    found = _lines_by_code(lines, codes, known.names)
     now: tuple[Path, ...] = ()  # The files to which the next entries apply.
     header: list[str] = []
     mentions = 0
@@ -354,15 +355,23 @@ def _code(text: str) -> str:
     return f"{float(f'{value[1]}.{value[2] or 0}'):g}{value[3]}" if value else code
 
 
-def _lines_by_code(lines: Sequence[str], codes: Mapping[str, Sequence[Path]]) -> dict[Path, list[str]]:
-    """Return the entries about each file in lines such as ``Current: A = 0 A, B = 0.5 A``."""
+def _lines_by_code(
+    lines: Sequence[str], codes: Mapping[str, Sequence[Path]], names: Mapping[str, Sequence[Path]]
+) -> dict[Path, list[str]]:
+    """Return the entries about each file in lines such as ``Current: A = 0 A, B = 0.5 A``.
+
+    Instead of codes, a line may have at least two names of files: ``Oil: run_a 24 degC, run_b 25 degC``.
+    """
     found: dict[Path, list[str]] = {}
-    entry = re.compile(_CODE.format("|".join([_VALUE, *map(re.escape, codes)])), re.IGNORECASE)
-    for line in lines if codes else ():
-        before, *entries = entry.split(line)
-        for code, value in zip(entries[::2], entries[1::2], strict=True):
-            for file in codes.get(_code(code), ()):
-                found.setdefault(file, []).append(f"{before.strip()} {value.strip(' ,;)')}")
+    for known, form, others, count_min in ((codes, _CODE, [_VALUE], 1), (names, _CODE_OR_NAME, [], 2)):
+        words = [*others, *map(re.escape, sorted(known, key=len, reverse=True))]
+        entry = re.compile(form.format("|".join(words)), re.IGNORECASE)
+        for line in lines if known else ():
+            before, *entries = entry.split(line)
+            pairs = [*zip(entries[::2], entries[1::2], strict=True)]
+            for name, value in pairs if len(pairs) >= count_min else ():
+                for file in known.get(_code(name) if known is codes else name.lower(), ()):
+                    found.setdefault(file, []).append(f"{before.strip()} {value.strip(' ,;)')}")
     return found
 
 

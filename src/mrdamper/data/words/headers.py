@@ -110,8 +110,9 @@ def legend_in(line: str, words_max: int = 3) -> list[tuple[int | None, str, str]
     cells = [cell.strip(" `*\"'") for cell in re.split(r"[|\t;]|(?<!\d),(?=\S)", line.strip().strip("|"))]
     units = [cell for cell in cells[1:] if roles_of_unit(cell)]
     if len(units) == 1 and cells[0]:
-        is_numbered = re.fullmatch(r"\d{1,2}", cells[0]) is not None
-        return [(int(cells[0]) if is_numbered else None, cells[is_numbered], units[0])]
+        if re.fullmatch(r"\d{1,2}", cells[0]):
+            return [(int(cells[0]), cells[1], units[0])]
+        return [(None, cell, units[0]) for cell in cells if cell not in {"", units[0]}]
     if _VALUE.search(line):
         return []
     line = _POSITION.sub(r"\1 ", line)
