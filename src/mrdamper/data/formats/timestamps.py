@@ -97,6 +97,12 @@ def days_of(text: str | None) -> tuple[float, float]:
 
     The two values are equal if only one reading is valid, and NaN if the text is not a date.
     """
+    day, month = _readings_of(text)
+    return (month if math.isnan(day) else day), (day if math.isnan(month) else month)
+
+
+def _readings_of(text: str | None) -> tuple[float, float]:
+    """Return the days from 1970 to a date for both readings, NaN if a reading is invalid."""
     if not text or _DATE_INSIDE.fullmatch(text) is None:
         return _NO_DAY
     text = re.sub(r"^(\d{4})(\d\d)(\d\d)$", r"\1-\2-\3", text)
@@ -110,11 +116,11 @@ def days_of(text: str | None) -> tuple[float, float]:
         orders = [(first, second, third)]
     else:
         orders = [(third, second, first), (third, first, second)][: 1 if "." in text or name else 2]
-    valid: list[float] = []
-    for order in orders:
+    days = [math.nan] * len(orders)
+    for k, order in enumerate(orders):
         with suppress(ValueError):
-            valid.append(float((date(*map(int, order)) - date(1970, 1, 1)).days))
-    return (valid[0], valid[-1]) if valid and len(orders[0][0]) == 4 else _NO_DAY
+            days[k] = float((date(*map(int, order)) - date(1970, 1, 1)).days)
+    return (days[0], days[-1]) if len(orders[0][0]) == 4 else _NO_DAY
 
 
 def moment_of(text: str) -> Moment | None:
@@ -172,30 +178,18 @@ def _days(dates: Texts, of_day: FloatArray) -> tuple[FloatArray, int | None]:
     Without dates, the day number is the number of midnights passed. If the reading is unclear, all cells must
     have the same date.
     """
-    read = {text: days_of(text) for text in dates if text}
+    read = {text: _readings_of(text) for text in dates if text}
     if not read:
         days, valid = np.zeros(len(of_day)), np.isfinite(of_day)
         days[valid] = np.cumsum(np.diff(of_day[valid], prepend=-np.inf) < -0.5 * DAY_S)
         return days, None
-    reading = _reading_of([text for text, (day, _) in read.items() if not math.isnan(day)])
-    if reading is not None:
-        return np.array([read[text][reading] if text else math.nan for text in dates]), reading
-    # A date whose year has two digits is unclear as well.
-    unclear = [text for text, (day, _) in read.items() if not (math.isnan(day) and re.search(r"\d{4}", text))]
-    return np.where([bool(text) and text in unclear[:1] for text in dates], 1.0, math.nan), None
-
-
-def _reading_of(dates: Iterable[str]) -> int | None:
-    """Return how to read dates (0: day first, 1: month first), None if it is unclear."""
-    days = [days_of(text) for text in dates]
-    if not days:
-        return None
-    if all(day == month for day, month in days):
-        return 0
+    known = np.array([pair for pair in read.values() if not np.isnan(pair).all()]).reshape(-1, 2)
     # A date with a day above 12 has only one reading. This reading applies to all dates of the file.
-    forced = {
-        int(int(re.split(r"[-./]", text)[0]) <= 12)
-        for text, (day, month) in zip(dates, days, strict=True)
-        if day == month and len({*re.split(r"[-./]", text)[:2]}) == 2
-    }
-    return forced.pop() if len(forced) == 1 else None
+    whole = np.flatnonzero(np.isfinite(known).all(axis=0)).tolist()
+    if len(known) and (len(whole) == 1 or np.array_equal(known[:, 0], known[:, 1])):
+        return np.array([read[text][whole[0]] if text else math.nan for text in dates]), whole[0]
+    # A date whose year has two digits is unclear as well.
+    unclear = [
+        text for text, pair in read.items() if not (np.isnan(pair).all() and re.search(r"\d{4}", text))
+    ]
+    return np.where([bool(text) and text in unclear[:1] for text in dates], 1.0, math.nan), None
