@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.clocks import Sampling, stated_sampling, with_times
 from mrdamper.data.formats.lines.encodings import read_lines
 from mrdamper.data.formats.lines.header import split_line, statements
@@ -115,32 +116,17 @@ def _with_clock(table: Table, tags: Tags, first: Moment | None) -> Table:
     samplings = {name: _sampling(tags, k) for k, name in enumerate(names)}
     begun = [each.began for each in samplings.values() if each.began is not None]
     start = first or min(begun, key=lambda each: each.day_first_s, default=None)
-    delays = {
-        name: each.began.day_first_s - start.day_first_s if each.began and start else 0.0
-        for name, each in samplings.items()
-    }
-    own_x = dict(zip(names, x, strict=False))
-    if len(x) < 2 or all(np.array_equal(other, x[0], equal_nan=True) for other in x):
-        own_x = {}
-    known = {name: each for name, each in samplings.items() if each.step_s > 0.0}
-    table = replace(table, names=names, columns=columns, units=units, start=start)
-    if not own_x and len({*known.values()}) < 2:  # All channels have the same times.
-        sampling, time = samplings[names[0]], x[0] if x else np.empty(0)
-        if not np.isfinite(time).any():
-            time = np.asarray(sampling.offset_s + sampling.step_s * np.arange(table.rows), dtype=np.float64)
-        if not np.isfinite(time).any():
-            return table
-        time = time + delays[names[0]] if time[0] == 0.0 else time
-        units, columns = {**units, "time": "s"}, {"time": time, **columns}
-        return replace(table, names=("time", *names), columns=columns, units=units)
-    times = {}
-    for name, values in columns.items():
+    times: dict[str, FloatArray] = {}
+    for k, (name, values) in enumerate(columns.items()):
         # If channels differ in length, the cells at the end of the shorter columns are empty.
         size = 1 + int(max(np.flatnonzero(np.isfinite(values)), default=-1))
-        columns[name] = values[:size]
-        if name in own_x:
-            times[name] = own_x[name][:size] + delays[name]
-        elif name in known and size:
-            uniform = known[name].offset_s + known[name].step_s * np.arange(size)
-            times[name] = np.asarray(uniform + delays[name], dtype=np.float64)
-    return with_times(table, times)
+        columns[name], sampling = values[:size], samplings[name]
+        time = x[min(k, len(x) - 1)][:size] if x else np.empty(0)
+        continues = bool(np.isfinite(time).any()) and time[0] != 0.0
+        if not np.isfinite(time).any():
+            time = sampling.offset_s + sampling.step_s * np.arange(size, dtype=np.float64)
+        if np.isfinite(time).any():
+            delay = sampling.began.day_first_s - start.day_first_s if sampling.began and start else 0.0
+            times[name] = time if continues else time + delay
+    clocked = with_times(replace(table, names=names, columns=columns, units=units, start=start), times)
+    return replace(clocked, names=(*sorted(clocked.names, key=names.__contains__),))  # times first

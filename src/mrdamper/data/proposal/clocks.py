@@ -288,9 +288,11 @@ def _rates_of(table: Table, others: Sequence[float] = ()) -> tuple[float, ...]:
 
 
 def unit_by_rate(name: str, table: Table) -> str:
-    """Return the time unit that agrees with the sampling rate above the table, "" if no unit agrees."""
-    ticks = _ticks_per_second(name, table)
-    return next((unit for unit, rate in _TICKS.items() if ticks and _is_near(ticks, rate)), "")
+    """Return the time unit that agrees with the only stated sampling rate within 1 %, else ""."""
+    rates = _rates_of(table) if table.step_s is None else (1.0 / table.step_s,)
+    steps = np.diff(table.columns[name]) if len(rates) == 1 else np.empty(0)
+    ticks = float(np.median(steps)) * rates[0] if len(steps) else 0.0
+    return next((unit for unit, rate in _TICKS.items() if abs(ticks / rate - 1.0) < 0.01), "")
 
 
 def unit_by_magnitude(times: FloatArray, step_max_s: float = _STEP_MAX_S) -> str:
@@ -316,19 +318,8 @@ def require_one_rate(column: Column, table: Table, place: str) -> None:
         raise no_unit("time", place, column.name, found)
 
 
-def _ticks_per_second(name: str, table: Table) -> float | None:
-    """Return the increase of a time column in one second, None unless the file states one sampling rate."""
-    rates = _rates_of(table) if table.step_s is None else (1.0 / table.step_s,)
-    steps = np.diff(table.columns[name]) if len(rates) == 1 else np.empty(0)
-    return float(np.median(steps)) * rates[0] if len(steps) else None
-
-
 def increases(table: Table, name: str, *, always: bool = False) -> bool:
     """Return True if a column increases at more than 95 % of the steps (at every step if ``always``)."""
     steps = np.diff(table.columns[name]) if name in table.columns else np.empty(0)
     share = float(np.mean(steps > 0.0)) if len(steps) else 0.0
     return share == 1.0 if always else share > 0.95
-
-
-def _is_near(value: float, wanted: float) -> bool:
-    return abs(value / wanted - 1.0) < 0.01  # A sampling rate and a time step agree within this fraction.
