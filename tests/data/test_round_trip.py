@@ -200,7 +200,7 @@ def test_tdms_types_and_units_are_read(tmp_path):
             for step, (name, values) in zip(cycle(steps), TABLE.items(), strict=False)
         ]
         spare = [
-            ChannelObject("run", "words", ["a", "b"]),
+            ChannelObject("run", "words", ["a", "b"]),  # A channel of texts is omitted.
             ChannelObject("run", "empty", np.empty(0)),
             ChannelObject("run", "one", np.array([7.0])),
         ]
@@ -213,8 +213,7 @@ def test_tdms_types_and_units_are_read(tmp_path):
     numbers = {name: table.columns[name] for name in TABLE}
     for name, values in TABLE.items():
         assert np.array_equal(numbers[name], values.astype(np.float64), equal_nan=True)
-    assert table.names == (*TABLE, "words", "one")
-    assert list(table.texts["words"]) == ["a", "b"]
+    assert table.names == (*TABLE, "one")
     assert dict(table.units) == UNITS
     assert (table.step_s, table.rows, table.title) == (0.25, ROWS, "run")
     assert {"rig: bench 3", "Current [A]: 0.5 A"} <= set(table.said)

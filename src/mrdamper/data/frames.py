@@ -87,11 +87,7 @@ class Frame:
                 continue
             if values.dtype.kind == "O" and len(values) and isinstance(values[0], datetime | timedelta):
                 first = values[0] if isinstance(values[0], datetime) else timedelta()
-                numbers[name], units[name] = (
-                    np.array([(each - first).total_seconds() for each in values]),
-                    "s",
-                )
-                continue
+                values = np.array([each - first for each in values], dtype="timedelta64[us]")
             try:
                 numbers[name], units[name] = as_column(values)
             except (TypeError, ValueError) as fault:

@@ -22,6 +22,7 @@ from mrdamper.data.formats.table import (
     Layout,
     Table,
     as_column,
+    distinct_names,
     load_extra,
     require_held,
 )
@@ -70,11 +71,9 @@ def _formula(conversion: Any) -> str:  # noqa: ANN401 - asammdf's conversion
 
 def _arrays(file: Any, path: Path) -> Iterator[StoredArray]:  # noqa: ANN401 - asammdf's file
     """Generate the times and the channels of each group with samples."""
-    titles: set[str] = set()
-    for g, group in enumerate(file.groups):
-        title = str(getattr(group.channel_group, "acq_name", "") or "") or f"group {g + 1}"
-        title = f"{title} ({g + 1})" if title in titles else title
-        titles.add(title)
+    named = [str(getattr(group.channel_group, "acq_name", "") or "") for group in file.groups]
+    titles = distinct_names([name or f"group {g + 1}" for g, name in enumerate(named)])
+    for g, (title, group) in enumerate(zip(titles, file.groups, strict=True)):
         samples = int(group.channel_group.cycles_nr)
         if samples < 1:
             continue

@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from mrdamper.data.formats.groups import StoredArray, attribute_lines, read_values, table_of_arrays
-from mrdamper.data.formats.table import FileOptions, Layout, Table, load_extra, shortest_names
+from mrdamper.data.formats.table import FileOptions, Layout, Table, load_extra
 from mrdamper.errors import InputError
 
 _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units")
-_NUMBERS, _WORDS = "fiubmM", "OSU"  # values of NumPy's ``dtype.kind``
 
 
 def read_tdms(path: Path, options: FileOptions) -> Table:
@@ -27,29 +26,17 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
         channels = [channel for group in groups for channel in group.channels()]
         is_cut = bool(file.file_status.incomplete_final_segment)
         _require_samples(channels, path, is_cut=is_cut, is_whole=not options.part)
-        found = [channel for channel in channels if len(channel)]
         attributes = {group.name: {**file.properties, **group.properties} for group in groups}
         arrays = [
             _stored_array(channel, attributes[channel.group_name])
-            for channel in found
-            if channel.dtype.kind in _NUMBERS
+            for channel in channels
+            if len(channel) and channel.dtype.kind in "fiubmM"
         ]
         notes = ("cut off while recording",) if is_cut else ()
         table = table_of_arrays(arrays, path, Layout("TDMS file", part=options.part, notes=notes), {})
-        names = {each.path[0] for each in arrays}
-        title = table.title or (names.pop() if len(names) == 1 else "")
-        inside = [channel for channel in found if title in {"", channel.group_name}]
-        words = [channel for channel in inside if channel.dtype.kind in _WORDS]
-        labels = shortest_names([(channel.group_name, channel.name) for channel in words])
-        texts = {
-            name: [None if cell is None else str(cell) for cell in channel[:]]
-            for name, channel in zip(labels, words, strict=True)
-        }
-    columns, labels_left = iter(table.names), iter(labels)
-    kinds = [channel.dtype.kind for channel in inside]
-    order = [next(labels_left if kind in _WORDS else columns) for kind in kinds if kind in _NUMBERS + _WORDS]
-    said = attribute_lines(attributes.get(title, {}))
-    return replace(table, names=(*order, *columns), texts=texts, title=title, said=said)
+    names = {each.path[0] for each in arrays}
+    title = table.title or (names.pop() if len(names) == 1 else "")
+    return replace(table, title=title, said=attribute_lines(attributes.get(title, {})))
 
 
 def _require_samples(channels: Sequence[Any], path: Path, *, is_cut: bool, is_whole: bool) -> None:

@@ -267,13 +267,8 @@ def start_of(table: Table, first_s: float, path: Path, stated: Sequence[str] = (
     days = next(filter(None, map(date_in, (table.said, stated, [path.stem], [path.parent.name]))), None)
     if moment.has_date or days is None:
         return moment
-    day_s, month_s = (DAY_S * day for day in days)
-    return replace(
-        moment,
-        day_first_s=moment.day_first_s + day_s,
-        month_first_s=moment.month_first_s + month_s,
-        has_date=True,
-    )
+    day_first_s, month_first_s = moment.day_first_s + DAY_S * days[0], moment.month_first_s + DAY_S * days[1]
+    return Moment(day_first_s, month_first_s, is_utc=moment.is_utc)
 
 
 def _rates_of(table: Table, others: Sequence[float] = ()) -> tuple[float, ...]:
