@@ -13,7 +13,6 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.clocks import Sampling, stated_sampling, with_samplings, with_times
 from mrdamper.data.formats.lines.cells import number_in
-from mrdamper.data.formats.lines.properties import names_quantity
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import (
     SKIPPED,
@@ -58,10 +57,7 @@ class StoredArray:
     @property
     def is_time(self) -> bool:
         """Return True if the array is a clock, or its name means time."""
-        header = parse_header(self.name)
-        return self.is_clock or (
-            self.size > 1 and (header[0] == "time" if header else speaks_of(self.name, "time"))
-        )
+        return self.is_clock or (self.size > 1 and means(self.name, "time"))
 
 
 def table_of_arrays(
@@ -73,8 +69,7 @@ def table_of_arrays(
     ----------
     units : path -> text. A text with the path ``units.force`` is the unit of the array ``force``.
     """
-    arrays = rename_by_structures(with_own_times(arrays))
-    inside = [each for each in arrays if is_in_part(each.path, layout.part)]
+    inside = [each for each in with_own_times(arrays) if is_in_part(each.path, layout.part)]
     others = recordings_in([each.path for each in inside if each.size > 1 and not each.is_clock])
     part = others[0] if others else layout.part
     inside = [each for each in inside if is_in_part(each.path, part)]
@@ -168,37 +163,6 @@ def with_own_times(arrays: Iterable[StoredArray]) -> list[StoredArray]:
             unit = time.unit or word_and_unit(time.name)[1]
             moved[time.path] = replace(time, path=path, unit=unit, is_clock=True)
     return [moved.get(each.path, each) for each in arrays]
-
-
-def rename_by_structures(arrays: Iterable[StoredArray]) -> list[StoredArray]:
-    """Rename samples with a general name, such as ``Data``, after their structure.
-
-    A structure ``force`` with the arrays ``Time`` and ``Data`` is the channel ``force`` with its times. Such
-    times are in seconds, as in MATLAB's time series.
-    """
-    arrays = list(arrays)
-    inside: dict[tuple[str, ...], list[StoredArray]] = {}
-    for each in arrays:
-        if each.size > 1:
-            inside.setdefault(each.path[:-1], []).append(each)
-    named: dict[tuple[str, ...], StoredArray] = {}
-    symbols = {quantity.symbol for quantity in QUANTITIES.values()}
-    for group, members in inside.items():
-        samples = [each for each in members if not each.is_time]
-        times = [each for each in members if each.is_time]
-        if not group or len(samples) != 1 or len(times) > 1:
-            continue
-        word, unit = word_and_unit(group[-1])
-        if not (unit or word in symbols or names_quantity(group[-1])):
-            continue  # The name of the structure is not the name of a channel.
-        (one,) = samples
-        if not names_quantity(one.name):
-            unit = one.unit or next((f"{one.settings[key]}" for key in UNIT_NAMES if key in one.settings), "")
-            named[one.path] = replace(one, path=group, unit=unit)
-            for time in times:
-                in_seconds = (time.name.lower(), one.name.lower()) == ("time", "data")
-                named[time.path] = replace(time, unit=time.unit or ("s" if in_seconds else ""))
-    return [named.get(each.path, each) for each in arrays]
 
 
 def recordings_in(paths: Sequence[tuple[str, ...]]) -> tuple[str, ...]:

@@ -31,10 +31,11 @@ from mrdamper.data.formats.groups import (
     with_runs_of_matrices,
     with_values_of_runs,
 )
+from mrdamper.data.formats.lines.properties import names_quantity
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import FileOptions, Layout, Table, as_text
-from mrdamper.data.words.headers import speaks_of
-from mrdamper.quantities import roles_of_unit
+from mrdamper.data.words.headers import means, speaks_of
+from mrdamper.quantities import QUANTITIES, roles_of_unit
 
 OF_COLUMNS = re.compile(r"column|channel|name|label|header|field|items|unit", re.IGNORECASE)
 _NO_SETTINGS: Mapping[str, object] = MappingProxyType({})
@@ -108,17 +109,19 @@ class _Variables:
         settings = {name: inner for name, inner in outer.items() if name not in UNIT_NAMES} | own
         arrays = {name: inner for name, inner in fields.items() if _is_numbers(inner)}
         texts = {name: inner for name, inner in fields.items() if isinstance(inner, str)}
-        signal = _find_signal(texts, {name: inner.shape for name, inner in arrays.items()})
+        signal = _find_signal(path, texts, {name: inner.shape for name, inner in arrays.items()})
         if signal is None:
             for name, inner in fields.items():
                 # Simulink's "structure with time" has its time in seconds.
                 unit = "s" if name == "time" and "signals" in fields else ""
                 self._collect((*path, name), inner, unit, settings)
             return
-        name, samples, unit, time = signal
-        self._add((*path, name), arrays[samples], unit, settings)
+        own_path, samples, unit, time = signal
+        self._collect(own_path, arrays[samples], unit, settings)
         if time:
-            self._add((*path, time), arrays[time], "s", settings)
+            # MATLAB's time series, and structures with the name of their signal, have times in seconds.
+            in_seconds = own_path != path or (time.lower(), samples.lower()) == ("time", "data")
+            self._collect((*path, time), arrays[time], "s" if in_seconds else "", settings)
         self.texts |= {(*path, name): text for name, text in texts.items()}
 
     def _names_of_columns(self, path: tuple[str, ...], matrix: Any, across: int) -> list[tuple[str, ...]]:  # noqa: ANN401
@@ -154,25 +157,25 @@ class _Variables:
 
 
 def _find_signal(
-    texts: Mapping[str, str], shapes: Mapping[str, tuple[int, ...]]
-) -> tuple[str, str, str, str] | None:
-    """Return name, field of the samples, unit, and field of the times of the only signal in a structure.
+    path: tuple[str, ...], texts: Mapping[str, str], shapes: Mapping[str, tuple[int, ...]]
+) -> tuple[tuple[str, ...], str, str, str] | None:
+    """Return path, field of the samples, unit, and field of the times of the only signal in a structure.
 
-    Examples are dSPACE's ``Y(2).Name`` and ``Y(2).Data``, and Simulink's ``signals(2).label`` and
-    ``signals(2).values``. Return None if the structure has no name, or more than one signal.
+    Examples are dSPACE's ``Y(2).Name`` and ``Y(2).Data``, Simulink's ``signals(2).label`` and
+    ``signals(2).values``, and a structure ``force`` with the arrays ``time`` and ``data``. Return None if the
+    structure has no name of a signal, or more than one signal.
     """
     said = {key.lower(): text.strip() for key, text in texts.items() if text.strip()}
-    long = {key: math.prod(shape) for key, shape in shapes.items() if math.prod(shape) > 1}
-    fields = {key.lower(): key for key in long}
+    size = max(map(math.prod, shapes.values()), default=1)
+    vectors = [key for key, shape in shapes.items() if math.prod(shape) == max(shape, default=1) == size > 1]
+    times = [key for key in vectors if means(key, "time")]
+    samples = [key for key in vectors if key not in times]
     name = next((said[key] for key in ("name", "label", "title") if key in said), "")
-    field = next((fields[key] for key in ("data", "values") if key in fields), "")
-    if not name or not field:
+    is_channel = bool(name or (path and any(means(path[-1], role) for role in QUANTITIES)))
+    if not is_channel or len(samples) != 1 or len(times) > 1 or names_quantity(samples[0]):
         return None
-    time = next((fields[key] for key in ("time", "t") if long.get(fields.get(key, "")) == long[field]), "")
-    columns = [key for key, size in long.items() if size == long[field] and key != time]
-    if long[field] != max(shapes[field]) or len(columns) > 1:
-        return None
-    return name, field, next((said[key] for key in ("unit", "units") if key in said), ""), time
+    unit = next((said[key] for key in ("unit", "units") if key in said), "")
+    return (*path, name) if name else path, samples[0], unit, "".join(times)
 
 
 def _signals_by_axis(fields: Mapping[str, Any]) -> Mapping[str, Any]:
