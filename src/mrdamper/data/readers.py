@@ -41,7 +41,7 @@ _PARALLEL_FILES_MIN = 12  # Starting processes takes longer than reading fewer f
 
 @dataclass(frozen=True, slots=True)
 class UnreadableFile:
-    """An unreadable file and its error. ``questions`` request the information that is missing in the file."""
+    """An unreadable file, its error, and the questions that request the missing information."""
 
     path: Path
     fault: InputError
@@ -73,11 +73,6 @@ class ReadFiles:
     def inferred(self) -> tuple[Inference, ...]:
         """Return currents and temperatures that were read from names and texts, with their source."""
         return tuple(inference for _, file in self.files for inference in file.inferred)
-
-    @property
-    def questions(self) -> tuple[Question, ...]:
-        """Return the questions of the unreadable files."""
-        return tuple(question for file in self.unreadable for question in file.questions)
 
     def fault(self) -> InputError | None:
         """Return an error with the faults and questions of unreadable files, None if all are readable."""
@@ -135,7 +130,7 @@ def _read_all(
     space: Path,
 ) -> ReadFiles:
     """Return the content of frames and files; unpack archives into the folder ``space``."""
-    chosen = None if channels is None else load_map(channels)
+    own_map, chosen = channels is None, load_map(channels)  # own_map: maps next to the files are used
     read: list[tuple[Path, RigFile]] = []
     unreadable: list[UnreadableFile] = []
     parts = [paths] if isinstance(paths, str | Path) else list(paths)
@@ -155,10 +150,10 @@ def _read_all(
     def read_one(path: Path) -> RigFile | InputError:
         try:
             if path in frames:
-                return frames[path].read(with_answers(load_map(chosen), answers, path))
+                return frames[path].read(with_answers(chosen, answers, path))
             stated = [place for document in documents for place in document.places(path)]
             notes = [line for document in documents for line in document.notes(path)]
-            return read_file(path, chosen, answers, stated, notes)
+            return read_file(path, None if own_map else chosen, answers, stated, notes)
         except InputError as error:
             return error
 
@@ -173,30 +168,22 @@ def _read_all(
         if path.is_relative_to(space) or [each.name for each in files].count(path.name) > 1:
             relocate(found, path.name, f"{path}")
         unreadable.append(UnreadableFile(path, found))
-    joined, members = join_channel_files(
-        [item.path for item in unreadable], load_map(chosen), answers, documents
-    )
+    joined, members = join_channel_files([item.path for item in unreadable], chosen, answers, documents)
     unread = [item.path for item in unreadable if item.path not in members]
-    warmed, logs = join_temperature_logs([*read, *joined], unread, load_map(chosen), answers)
+    warmed, logs = join_temperature_logs([*read, *joined], unread, chosen, answers)
     unreadable = [item for item in unreadable if item.path not in {*members, *logs}]
     ignored = _ignored_files(unreadable, [path for path, _ in warmed], given | {*frames})
-    faulty = [
-        replace(item, path=Path(f"{item.path}".replace(f"{space}/", "")))
-        for item in unreadable
-        if item not in ignored
-    ]
-    named_files = _with_distinct_names(warmed, space)
+    faulty = tuple(replace(item, path=_shown(item.path, space)) for item in unreadable if item not in ignored)
+    named_files = tuple(_with_distinct_names(warmed, space))
     runs = tuple(recording for _, file in named_files for recording in file.recordings)
-    stating_findings = (document.finding for document in documents if document.lines)
-    copied = {document.path.name for document in documents if document.lines}
-    no_runs = (_no_run_finding(file) for file in ignored if file.path.name not in copied)
-    findings = (*stating_findings, *logs.values(), *no_runs)
-    return ReadFiles(tuple(named_files), tuple(faulty), runs, findings)
+    stating_findings = {each.path.name: each.finding for each in documents if each.lines}
+    no_runs = {file.path.name: _no_run_finding(file.path.name) for file in ignored}
+    return ReadFiles(named_files, faulty, runs, (*{**no_runs, **stating_findings}.values(), *logs.values()))
 
 
-def _series_of(path: Path) -> str:
-    """Return the path with a sign for each number in the name, "" without a number: "run_#.csv"."""
-    return f"{path.parent / re.sub(r'[0-9]+', '#', path.name)}" if re.search(r"\d", path.stem) else ""
+def _shown(path: Path | str, space: Path) -> Path:
+    """Return a path without the temporary folder ``space``."""
+    return Path(f"{path}".replace(f"{space}/", ""))
 
 
 def _ignored_files(
@@ -208,21 +195,22 @@ def _ignored_files(
     never ignored. A file with a generic suffix, such as .json, may be of any program.
     """
     foreign = {*GENERIC_SUFFIXES} - {path.suffix.lower() for path in read}
-    series = {_series_of(path) for path in read} - {""}
+    series = {path.with_name(re.sub(r"\d+", "#", path.name)) for path in read}
     ignored = []
     for file in unreadable:
         has_no_run = isinstance(file.fault, NoRunError | NoTableError)
         is_object = file.path.suffix.lower() in foreign and not isinstance(file.fault, AskingError)
-        if (has_no_run or is_object) and file.path not in given and _series_of(file.path) not in series:
+        is_of_series = file.path.with_name(re.sub(r"\d+", "#", file.path.name)) in series  # "run_#.csv"
+        if (has_no_run or is_object) and file.path not in given and not is_of_series:
             ignored.append(file)
     return ignored if read or len(ignored) < len(unreadable) else []
 
 
-def _no_run_finding(file: UnreadableFile) -> Finding:
-    found = f"{file.path.name} has no samples of a damper and is not read as a run"
+def _no_run_finding(name: str) -> Finding:
+    found = f"{name} has no samples of a damper and is not read as a run"
     effect = "Only its statements about runs are used"
     remedy = "Read this file alone to see why it is not a run"
-    return Finding("no_run", found, effect, remedy, severity="note", run=file.path.name)
+    return Finding("no_run", found, effect, remedy, severity="note", run=name)
 
 
 def _with_distinct_names(read: Sequence[tuple[Path, RigFile]], space: Path) -> list[tuple[Path, RigFile]]:
@@ -234,15 +222,17 @@ def _with_distinct_names(read: Sequence[tuple[Path, RigFile]], space: Path) -> l
     names = iter(distinct_names([run.name for run in runs], [run.source for run in runs]))
     named = []
     for path, file in read:
-        new = {recording.name: next(names) for recording in file.recordings}
-        recordings = tuple(
-            replace(item, name=new[item.name], source=item.source.replace(f"{space}/", ""))
-            for item in file.recordings
+        new = {each.name: next(names) for each in file.recordings}
+        shown = replace(
+            file,
+            recordings=tuple(
+                replace(each, name=new[each.name], source=f"{_shown(each.source, space)}")
+                for each in file.recordings
+            ),
+            findings=tuple(replace(each, run=new[each.run]) for each in file.findings),
+            inferred=tuple(replace(each, run=new[each.run]) for each in file.inferred),
         )
-        findings = tuple(replace(item, run=new[item.run]) for item in file.findings)
-        inferred = tuple(replace(item, run=new[item.run]) for item in file.inferred)
-        shown = replace(file, recordings=recordings, findings=findings, inferred=inferred)
-        named.append((Path(f"{path}".replace(f"{space}/", "")), shown))
+        named.append((_shown(path, space), shown))
     return named
 
 

@@ -104,7 +104,7 @@ def read_files(
     if runs and not paths:
         return ReadFiles((), (), runs)
     read = read_each(paths, channels, parse_answers(answer or ()))
-    if not (read.files or runs or read.questions):
+    if not (read.files or runs or any(file.questions for file in read.unreadable)):
         raise read.fault() or InputError("no runs given", expected="files such as run.csv")
     return replace(read, runs=(*runs, *read.runs))
 
