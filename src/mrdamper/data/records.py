@@ -26,10 +26,7 @@ from mrdamper.quantities import QUANTITIES, ZERO_CELSIUS_K, CommandUnit, to_degC
 from mrdamper.results import Picture
 from mrdamper.schema import finite_or_none, unknown_name
 
-WITHOUT_MOTION = (
-    "Without motion neither viscosity nor yield force nor yield displacement can be identified: repeat the "
-    "test with one (a sine of 5 mm at 1 Hz, say), or leave the run out"
-)
+WITHOUT_MOTION = "Without motion no model can be identified: repeat the test with one, or leave the run out"
 """Effect and remedy of a run without motion, for messages."""
 
 CHANNELS = ("time", "displacement", "force", "command", "velocity", "temperature")
@@ -142,9 +139,8 @@ class Dataset(Picture):
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             sources = ", ".join(run.source or "?" for run in self.runs if run.name == twice[0])
-            raise InputError(
-                f"run name {twice[0]!r} is used more than once ({sources})", remedy="rename a file"
-            )
+            found = f"run name {twice[0]!r} is used more than once ({sources})"
+            raise InputError(found, remedy="rename a file")
 
     def __len__(self) -> int:
         return len(self.runs)
@@ -253,11 +249,9 @@ def _faults(run: RigRun) -> list[InputError]:
         found, remedy = f"has {len(run)} samples", "Record a longer run, or leave the file out"
         return [InputError(found, expected=f"at least {LEAST_SAMPLES}", remedy=remedy)]
     if missing := [*find_missing_numbers(run)]:
-        return [InputError(each.found, expected="finite numbers", remedy=each.remedy) for each in missing]
-    faults = [
-        InputError(each.found, expected="even steps of time", remedy=each.remedy)
-        for each in find_time_faults(run.time)
-    ] or _motion_faults(run)
+        return [InputError(each.found, remedy=each.remedy) for each in missing]
+    of_time = [InputError(each.found, remedy=each.remedy) for each in find_time_faults(run.time)]
+    faults = of_time or _motion_faults(run)
     if np.ptp(run.force) < 1e-6:  # A force with a smaller range is numerically constant.
         found = f"force never changes ({run.force[0]:g} N at every sample)"
         remedy = "Check which column holds the force"
@@ -320,15 +314,10 @@ def find_time_faults(time: FloatArray) -> Iterator[Finding]:
     backward = np.flatnonzero(~(steps > 0.0))
     if len(backward):
         k, how = int(backward[0]), "goes back" if (steps[backward] < 0.0).any() else "stands still"
-        found = (
-            f"time does not increase at {len(backward)} places: it {how}, first after sample {k} "
-            f"({time[k]:.6g} s to {time[k + 1]:.6g} s)"
-        )
+        first = f"first after sample {k} ({time[k]:.6g} s to {time[k + 1]:.6g} s)"
+        found = f"time does not increase at {len(backward)} places: it {how}, {first}"
         effect = "Velocity there is infinite or has the wrong sign, and the run is refused"
-        remedy = (
-            "Split the file where time restarts; write more digits of time, or give rate_Hz at [constant] of "
-            "the channel map instead of the column"
-        )
+        remedy = "Split the file there, write more digits of time, or give rate_Hz in the channel map instead"
         wrong = Finding("time_not_increasing", found, effect, remedy, severity="fault", channel="time")
         yield replace(wrong, size=float(len(backward)), unit="places").between(*time[backward[[0, -1]]])
         return
@@ -337,20 +326,15 @@ def find_time_faults(time: FloatArray) -> Iterator[Finding]:
     changed = changes_of_pace(steps, len(gaps))
     if changed is not None:
         at, before, after = changed
-        found = (
-            f"mixed sampling: the time step is {before:.4g} s at the start and {after:.4g} s from about "
-            f"sample {at}"
-        )
+        found = f"mixed sampling: the time step is {before:.4g} s, and {after:.4g} s from about sample {at}"
         effect = "One smoothing cannot suit both parts, and the run is refused"
         remedy = "Split the file there, or record at one rate"
         mixed = Finding("mixed_sampling", found, effect, remedy, severity="fault", channel="time")
         yield replace(mixed, size=before / after, from_s=float(time[at]))
     elif len(gaps):
         k = int(gaps[0])
-        found = (
-            f"time has a gap of {steps[k]:.6g} s after sample {k}, where the usual step is {median:.6g} s "
-            f"({len(gaps)} such places)"
-        )
+        usual = f"the usual step is {median:.6g} s ({len(gaps)} such places)"
+        found = f"time has a gap of {steps[k]:.6g} s after sample {k}, where {usual}"
         effect = "The state of the hysteresis is lost in a gap, and the run is refused"
         remedy = "Split the file at the gap, or cut it out with its cycle"
         gap = Finding("gap", found, effect, remedy, severity="fault", channel="time", unit="s")
