@@ -29,10 +29,7 @@ from mrdamper.quantities import QUANTITIES, roles_of_unit
 from mrdamper.schema import unknown_name
 
 _CONSTANT = ("current", "voltage", "temperature")
-_REMEDY = (
-    "Name columns with their unit (force_N), or name the columns: "
-    'read(frame, {"time_s": "t", "displacement_mm": "Pos", "force_kN": "Load", "current_A": 1.0})'
-)
+_REMEDY = 'Write units in names (force_N), or name columns: read(frame, {"time_s": "t", "current_A": 1.0})'
 
 
 class Columns(Protocol):

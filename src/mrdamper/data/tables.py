@@ -25,6 +25,7 @@ from mrdamper.files import require_file
 
 # A text may begin with the byte order mark of UTF-8.
 _LABVIEW = re.compile(rb"(?:\xef\xbb\xbf)?LabVIEW Measurement")
+_WORKBOOK = re.compile(b"|".join(WORKBOOK_SIGNATURES))
 _JSON = re.compile(rb"(?:\xef\xbb\xbf)?\s*(\{\s*[\"}]|\[\s*[\[{\"\d-])")  # The title "[Setup]" is not JSON.
 
 # The first format that recognises the first bytes of a file reads it.
@@ -35,12 +36,7 @@ FORMATS: tuple[Format, ...] = (
     Format("TDMS", (".tdms",), re.compile(rb"TDSm").match, read_tdms),
     Format("MDF", (".mf4", ".mdf"), re.compile(rb"MDF     |UnFinMF ").match, read_mdf),
     Format("NumPy archive", (".npz",), re.compile(rb"(?s)PK\x03\x04.*\.npy").match, read_npz),
-    Format(
-        "Excel",
-        (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods"),
-        lambda head: head.startswith(WORKBOOK_SIGNATURES),
-        read_workbook,
-    ),
+    Format("Excel", (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods"), _WORKBOOK.match, read_workbook),
     Format("LabVIEW text", (".lvm",), _LABVIEW.match, read_lvm),
     Format("universal", (".unv", ".uff"), re.compile(rb"\s*-1\s*\r?\n\s*\d+").match, read_uff),
     Format("JSON", (".json", ".jsonl"), _JSON.match, read_json),

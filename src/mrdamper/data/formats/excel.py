@@ -88,13 +88,9 @@ def _table(path: Path, sheet: str, rows: Sequence[Row], options: FileOptions) ->
     decimal = options.decimal or find_decimal(f"{path}", words, "\t") or "."
     lines = ["\t".join(_spelled(cell, decimal) for cell in row) for row in rows]
     table = read_text(Text(f"{path}, sheet {sheet!r}", lines), FileOptions(delimiter="\t", decimal=decimal))
+    own: dict[str, Any] = {"format": "Excel file", "delimiter": "", "decimal": "", "part": sheet}
     first, *others = (
-        replace(
-            each,
-            layout=replace(each.layout, format="Excel file", delimiter="", decimal="", part=sheet),
-            title=sheet,
-        )
-        for each in (table, *table.following)
+        replace(each, layout=replace(each.layout, **own), title=sheet) for each in (table, *table.following)
     )
     return replace(first, following=tuple(others))
 

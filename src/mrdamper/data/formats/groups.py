@@ -80,17 +80,16 @@ def table_of_arrays(
     stated = {
         path[-1]: text for path, text in in_part.items() if any("unit" in each.lower() for each in path[:-1])
     }
+    units_of = {
+        name: each.unit or stated.get(each.name, "") for name, each in zip(names, inside, strict=True)
+    }
     table = Table(
         names=tuple(names),
         columns={name: each.read() for name, each in zip(names, inside, strict=True)},
         texts={},
         layout=layout,
         rows=max((each.size for each in inside), default=0),
-        units={
-            name: unit
-            for name, each in zip(names, inside, strict=True)
-            if (unit := each.unit or stated.get(each.name, ""))
-        },
+        units={name: unit for name, unit in units_of.items() if unit},
         title=part,
         more=others[1:],
     )

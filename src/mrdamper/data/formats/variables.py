@@ -186,11 +186,8 @@ def _signals_by_axis(fields: Mapping[str, Any]) -> Mapping[str, Any]:
     axes, signals = (_elements(fields.get(key)) for key in "XY")
     if not all(isinstance(each, Mapping) and _is_numbers(each.get("Data")) for each in (*axes, *signals)):
         return fields
-    # SciPy returns an empty text as an empty array.
-    titles, units = (
-        [f"{each[key]}" if np.size(each.get(key, ())) and each[key] else default for each in axes]
-        for key, default in (("Name", "time"), ("Unit", "s"))
-    )
+    titles = [_single(each.get("Name")) or "time" for each in axes]
+    units = [_single(each.get("Unit")) or "s" for each in axes]
     indices = [int(_single(each.get("XIndex")) or 0) if len(axes) > 1 else 1 for each in signals]
     if not (all(speaks_of(title, "time") for title in titles) and {*indices} <= {*range(1, len(axes) + 1)}):
         return fields

@@ -36,10 +36,7 @@ from mrdamper.quantities import roles_of_unit, to_si
 _TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6}  # Possible units of a time column, in ticks per second.
 # Counts of time since a fixed day: unit, plausible first and last count (up to 2099), counts per second.
 _EPOCHS = (
-    *(
-        (unit, 1e9 * ticks, 4.1e9 * ticks, ticks)
-        for unit, ticks in (("s", 1), ("ms", 1e3), ("us", 1e6), ("ns", 1e9))
-    ),
+    *((unit, 1e9 * ticks, 4.1e9 * ticks, ticks) for unit, ticks in {**_TICKS, "ns": 1e9}.items()),
     *(("d", first, first + 47_481, 1 / DAY_S) for first in (25_569, 719_529)),  # days of Excel and of MATLAB
 )
 # A line may have several entries: "NPTS = 1500, DT = 5.0D-03 SEC".
@@ -91,11 +88,8 @@ def to_one_clock(
         elif len(values) == 1 or np.ptp(values) == 0.0:
             found[role] = np.full(len(found["time"]), values[0])
         else:
-            raise InputError(
-                place=place,
-                found=f"column {names[role]!r} ({role}) states no start and no step; other channels do",
-                remedy="Export the run with a time column",
-            )
+            fault = f"column {names[role]!r} ({role}) states no start and no step; other channels do"
+            raise InputError(place=place, found=fault, remedy="Export the run with a time column")
     return found, tuple(role for role, clock in own.items() if clock != main), findings
 
 
@@ -131,11 +125,8 @@ def _findings_of_common_time(
     measured = [span for role, span in spans.items() if role in MEASURED]
     whole_s = max(end - begin for begin, end in measured)
     if common_s <= slack_s:
-        raise InputError(
-            place=place,
-            found=f"the channels have no time in common ({listed})",
-            remedy="Correct the start times in the file, or export one recording by itself",
-        )
+        remedy = "Correct the start times in the file, or export one recording by itself"
+        raise InputError(place=place, found=f"the channels have no time in common ({listed})", remedy=remedy)
     used = f"{common_s:.4g} s of {whole_s:.4g} s"
     is_short = common_s < 0.9 * whole_s  # The user must confirm a shorter common time of one recording.
     if is_short and not (table.recorded_apart or chosen.file.common_time):
@@ -145,17 +136,10 @@ def _findings_of_common_time(
     # If the channels leave at most 1 % of the recording unused, nothing is reported.
     if whole_s - common_s <= 0.01 * whole_s and not (table.recorded_apart and late_s > slack_s):
         return ()
-    finding = Finding(
-        kind="common_time",
-        severity="warning" if is_short else "note",
-        channel="time",
-        size=whole_s - common_s,
-        unit="s",
-        found=f"the {used} that all channels have in common are used ({listed})",
-        effect="The rest of the longer channels is not used",
-        remedy="Nothing, if the start times in the file are right",
-    )
-    return (finding,)
+    found, effect = f"the {used} that all channels have in common are used ({listed})", "The rest is not used"
+    remedy = "Nothing, if the start times in the file are right"
+    finding = Finding("common_time", found, effect, remedy, channel="time", size=whole_s - common_s, unit="s")
+    return (finding if is_short else replace(finding, severity="note"),)
 
 
 def with_clocks(table: Table) -> Table:
@@ -172,8 +156,7 @@ def with_clocks(table: Table) -> Table:
         return _with_slow_channels(table, alone[0])
     if len(times) < 2 or table.names[0] != times[0] or table.clocks or table.texts:
         return table
-    first = table.columns[times[0]]
-    if all(np.array_equal(table.columns[name], first) for name in times):
+    if all(np.array_equal(table.columns[name], table.columns[times[0]]) for name in times):
         kept = [name for name in table.names if name not in times[1:]]
         return replace(table, names=(*kept,), columns={name: table.columns[name] for name in kept})
     clocks: dict[str, int] = {}
@@ -242,11 +225,9 @@ def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
         if meant is not None and increases(table, meant.name):
             raise no_unit("time", place, meant.name)
         candidates = [f"{rate:g}" for rate in rates]
-        found = (
-            f"no time column, and the stated sampling rates differ: {' Hz, '.join(candidates)} Hz"
-            if len(rates) > 1
-            else f"no time column; the columns are: {column_list(table.names)}"
-        )
+        found = f"no time column; the columns are: {column_list(table.names)}"
+        if len(rates) > 1:
+            found = f"no time column, and the stated sampling rates differ: {' Hz, '.join(candidates)} Hz"
         raise ask("time", "rate", place, found, candidates)
     return step
 
