@@ -13,6 +13,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.clocks import Sampling, stated_sampling, with_samplings, with_times
 from mrdamper.data.formats.lines.cells import number_in
+from mrdamper.data.formats.lines.properties import names_quantity
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import (
     SKIPPED,
@@ -102,10 +103,8 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
     If the file has several time columns, a column uses the time column in the nearest enclosing group.
     Otherwise the attributes state the start and the time step of a column.
     """
-    times: dict[tuple[str, ...], str] = {}
-    for name, each in arrays.items():
-        if each.is_time:
-            times.setdefault(each.path[:-1], name)
+    # The first time column of a group is used.
+    times = {each.path[:-1]: name for name, each in [*arrays.items()][::-1] if each.is_time}
     if len(times) < 2:
         return with_samplings(table, {name: stated_sampling(each.settings) for name, each in arrays.items()})
     own: dict[str, str] = {}  # column -> the column of its times
@@ -127,17 +126,16 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
 def with_prefix_groups(arrays: Iterable[StoredArray]) -> list[StoredArray]:
     """Return arrays with a group for each prefix: ``Data1_Force`` becomes ``Data1/Force``.
 
-    Each array must have a prefix, and each prefix must have a time and at least two other arrays.
+    Each array must have a prefix that is no quantity, and each prefix a time and at least two other arrays.
     """
     arrays = list(arrays)
     own = {each.path: _PREFIX.fullmatch(each.name) for each in arrays if each.size > 1}
-    split = {path: (*path[:-1], *match.groups()) for path, match in own.items() if match}
-    groups: dict[tuple[str, ...], list[str]] = {}
+    prefixes = {path: match for path, match in own.items() if match and not names_quantity(match[1])}
+    split = {path: (*path[:-1], *match.groups()) for path, match in prefixes.items()}
+    groups: dict[tuple[str, ...], list[bool]] = {}
     for path in split.values():
-        groups.setdefault(path[:-1], []).append(path[-1])
-    count = [sum(speaks_of(name, "time") for name in names) for names in groups.values()]
-    is_whole = all(0 < times < len(names) - 1 for times, names in zip(count, groups.values(), strict=True))
-    if len(split) < len(own) or not is_whole:
+        groups.setdefault(path[:-1], []).append(speaks_of(path[-1], "time"))
+    if len(split) < len(own) or not all(0 < sum(each) < len(each) - 1 for each in groups.values()):
         return arrays
     return [replace(each, path=split.get(each.path, each.path)) for each in arrays]
 

@@ -78,6 +78,7 @@ class _Variables:
         own = getattr(value, "settings", _NO_SETTINGS)
         settings = {**outer, **own}
         class_name = _class_name(value)
+        value = np.array([value]) if isinstance(value, bool | int | float) else value
         if isinstance(value, Mapping):
             self._collect_fields(path, value, settings)
         elif class_name:
@@ -88,17 +89,19 @@ class _Variables:
             elements = value[: SETTINGS.element_count_max] if isinstance(value, list) else value.flat
             for k, inner in enumerate(elements):
                 self._collect((*path[:-1], f"{path[-1]}({k + 1})"), inner, "", outer)
-        elif isinstance(value, bool | int | float):
-            self._add(path, np.array([value]), unit, settings)
         elif _is_numbers(value):
             unit = next((f"{own[key]}" for key in UNIT_NAMES if key in own), unit)
+            columns: list[tuple[tuple[str, ...], Any]] = []  # path and index of each column
             if value.size == max(value.shape, default=1):
-                self._add(path, value, unit, settings)
+                columns = [(path, ...)]
             elif value.ndim == 2 and min(value.shape) <= SETTINGS.table_columns_max:
                 across = 0 if value.shape[0] < value.shape[1] else 1
                 for k, title in enumerate(self._names_of_columns(path, value, across)):
-                    line = (slice(None), k) if across else (k, slice(None))
-                    self._add((*path[:-1], *title), value, unit, settings, line)
+                    index = (slice(None), k) if across else (k, slice(None))
+                    columns.append(((*path[:-1], *title), index))
+            for each, index in columns:
+                read, size = partial(read_values, value, index), max(value.shape, default=1)
+                self.arrays.append(StoredArray(each, size, read, unit, settings))
 
     def _collect_fields(
         self, path: tuple[str, ...], value: Mapping[str, Any], outer: Mapping[str, object]
@@ -107,22 +110,13 @@ class _Variables:
         fields = _signals_by_axis(_with_units(named))
         own = {name: one for name, inner in fields.items() if (one := _single(inner)) is not None}
         settings = {name: inner for name, inner in outer.items() if name not in UNIT_NAMES} | own
-        arrays = {name: inner for name, inner in fields.items() if _is_numbers(inner)}
-        texts = {name: inner for name, inner in fields.items() if isinstance(inner, str)}
-        signal = _find_signal(path, texts, {name: inner.shape for name, inner in arrays.items()})
-        if signal is None:
-            for name, inner in fields.items():
+        signal = _find_signal(path, fields)
+        for name, inner in fields.items():
+            if not signal or name in signal or not _is_numbers(inner):
                 # Simulink's "structure with time" has its time in seconds.
-                unit = "s" if name == "time" and "signals" in fields else ""
-                self._collect((*path, name), inner, unit, settings)
-            return
-        own_path, samples, unit, time = signal
-        self._collect(own_path, arrays[samples], unit, settings)
-        if time:
-            # MATLAB's time series, and structures with the name of their signal, have times in seconds.
-            in_seconds = own_path != path or (time.lower(), samples.lower()) == ("time", "data")
-            self._collect((*path, time), arrays[time], "s" if in_seconds else "", settings)
-        self.texts |= {(*path, name): text for name, text in texts.items()}
+                default = "s" if name == "time" and "signals" in fields else ""
+                own_path, unit = signal.get(name, ((*path, name), default))
+                self._collect(own_path, inner, unit, settings)
 
     def _names_of_columns(self, path: tuple[str, ...], matrix: Any, across: int) -> list[tuple[str, ...]]:  # noqa: ANN401
         """Return the last parts of the path of each column of a matrix.
@@ -143,29 +137,18 @@ class _Variables:
         stated = [f" [{unit}]" if unit else "" for unit in units or [""] * len(names)]
         return [(path[-1], f"{name}{unit}") for name, unit in zip(names, stated, strict=True)]
 
-    def _add(
-        self,
-        path: tuple[str, ...],
-        values: Any,  # noqa: ANN401 - an array of numbers
-        unit: str,
-        settings: Mapping[str, object],
-        line: Any = ...,  # noqa: ANN401 - an index
-    ) -> None:
-        """Add an array, or one row or column of a matrix (``line``: its index)."""
-        size = values.size if line is ... else max(values.shape)
-        self.arrays.append(StoredArray(path, size, partial(read_values, values, line), unit, settings))
 
-
-def _find_signal(
-    path: tuple[str, ...], texts: Mapping[str, str], shapes: Mapping[str, tuple[int, ...]]
-) -> tuple[tuple[str, ...], str, str, str] | None:
-    """Return path, field of the samples, unit, and field of the times of the only signal in a structure.
+def _find_signal(path: tuple[str, ...], fields: Mapping[str, Any]) -> dict[str, tuple[tuple[str, ...], str]]:
+    """Return path and unit of the field of samples and of the field of times, if a structure is one signal.
 
     Examples are dSPACE's ``Y(2).Name`` and ``Y(2).Data``, Simulink's ``signals(2).label`` and
-    ``signals(2).values``, and a structure ``force`` with the arrays ``time`` and ``data``. Return None if the
-    structure has no name of a signal, or more than one signal.
+    ``signals(2).values``, and a structure ``force`` with the arrays ``time`` and ``data``. The result is
+    empty if the structure has no name of a signal, or more than one signal.
     """
-    said = {key.lower(): text.strip() for key, text in texts.items() if text.strip()}
+    said = {
+        key.lower(): each.strip() for key, each in fields.items() if isinstance(each, str) and each.strip()
+    }
+    shapes = {key: each.shape for key, each in fields.items() if _is_numbers(each)}
     size = max(map(math.prod, shapes.values()), default=1)
     vectors = [key for key, shape in shapes.items() if math.prod(shape) == max(shape, default=1) == size > 1]
     times = [key for key in vectors if means(key, "time")]
@@ -173,9 +156,12 @@ def _find_signal(
     name = next((said[key] for key in ("name", "label", "title") if key in said), "")
     is_channel = bool(name or (path and any(means(path[-1], role) for role in QUANTITIES)))
     if not is_channel or len(samples) != 1 or len(times) > 1 or names_quantity(samples[0]):
-        return None
+        return {}
     unit = next((said[key] for key in ("unit", "units") if key in said), "")
-    return (*path, name) if name else path, samples[0], unit, "".join(times)
+    # MATLAB's time series, and structures with the name of their signal, have times in seconds.
+    in_seconds = name or [each.lower() for each in (*times, *samples)] == ["time", "data"]
+    found = {samples[0]: ((*path, name) if name else path, unit)}
+    return found | {time: ((*path, time), "s" if in_seconds else "") for time in times}
 
 
 def _signals_by_axis(fields: Mapping[str, Any]) -> Mapping[str, Any]:
