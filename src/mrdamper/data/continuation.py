@@ -50,10 +50,9 @@ def _has_same_settings(run: RigRun, previous: RigRun) -> bool:
     if run.source and run.source == previous.source:
         return False
     settings = {(each.command_unit, each.session, each.velocity is None) for each in (run, previous)}
-    command, previous_command = run.constant_command, previous.constant_command
-    if len(settings) > 1 or command is None or previous_command is None:
-        return False
-    if abs(command - previous_command) > command_slack(command):
+    command, before = run.constant_command, previous.constant_command
+    is_equal = command is not None and before is not None and abs(command - before) <= command_slack(command)
+    if len(settings) > 1 or not is_equal:
         return False
     if run.temperature is None or previous.temperature is None:
         return run.temperature is previous.temperature
@@ -76,7 +75,5 @@ def _join(parts: Sequence[RigRun]) -> RigRun:
     for part in parts[1:]:
         kept.append(part.between(float(np.nextafter(kept[-1].time[-1], np.inf)), None))
     channels = [name for name in CHANNELS if getattr(parts[0], name) is not None]
-    columns: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in kept]) for name in channels
-    }
+    columns: dict[str, Any] = {key: np.concatenate([getattr(run, key) for run in kept]) for key in channels}
     return replace(parts[0], **columns)

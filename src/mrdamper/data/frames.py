@@ -8,7 +8,7 @@ constant: ``read(frame, {"force_kN": "Load", "current_A": 1.0})``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from numbers import Real
@@ -112,22 +112,18 @@ def parts_of(given: Any) -> list[Any]:  # noqa: ANN401 - a path, run or frame, o
     """Return a list of paths, runs and frames. The keys of a mapping name its frames."""
     if isinstance(given, str | Path | RigRun):
         return [given]
-    if isinstance(given, np.ndarray) and given.dtype.names is None:
-        found = f"an array of shape {given.shape} has no names of columns"
-        expected = 'columns by name, such as {"time_s": t, "displacement_mm": x, "force_N": f, ...}'
-        raise InputError(place="runs", found=found, expected=expected)
     if is_frame(given):
         given = {"frame": given}
     if isinstance(given, Mapping):
         return [Frame(str(name), _columns_of(each)) for name, each in given.items()]
-    try:
-        parts = list(given)
-    except TypeError as fault:
-        found, expected = f"a {type(given).__name__}", "paths, runs, or frames with columns"
-        raise InputError(place="runs", found=found, expected=expected) from fault
+    if isinstance(given, np.ndarray) or not isinstance(given, Iterable):
+        expected = (
+            'paths, runs, or columns by name, such as {"time_s": t, "displacement_mm": x, "force_N": f}'
+        )
+        raise InputError(place="runs", found=f"a {type(given).__name__} without names", expected=expected)
     return [
         Frame(f"frame_{number}", _columns_of(each)) if is_frame(each) else each
-        for number, each in enumerate(parts, 1)
+        for number, each in enumerate(given, 1)
     ]
 
 

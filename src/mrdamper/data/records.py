@@ -323,8 +323,7 @@ def find_time_faults(time: FloatArray) -> Iterator[Finding]:
         return
     median = float(np.median(steps))
     gaps = np.flatnonzero(steps > GAP_MIN_STEPS * median)
-    changed = changes_of_pace(steps, len(gaps))
-    if changed is not None:
+    if (changed := changes_of_pace(steps, len(gaps))) is not None:
         at, before, after = changed
         found = f"mixed sampling: the time step is {before:.4g} s, and {after:.4g} s from about sample {at}"
         effect = "One smoothing cannot suit both parts, and the run is refused"

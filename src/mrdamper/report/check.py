@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -152,7 +152,7 @@ def _fields(result: CheckResult) -> dict[str, object]:
             {
                 "path": file.path,
                 "understood": file.layout.in_words(),
-                "layout": file.layout.to_dict(),
+                "layout": asdict(file.layout),
                 "columns": file.columns,
                 "runs": file.runs,
                 "inferred": file.inferred,

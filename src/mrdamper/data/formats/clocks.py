@@ -55,11 +55,6 @@ class Sampling:
         """Return True if the step has a unit in the file, or is between 1 us and 20 ms."""
         return self.has_unit or 1e-6 <= self.step_s <= 0.02
 
-    @property
-    def began_s(self) -> float | None:
-        """Return the start in seconds, None if the file states no start."""
-        return None if self.began is None else self.began.day_first_s
-
 
 def is_setting_of_time(name: str) -> bool:
     """Return True if an attribute name means a start time, a time step or a sampling rate."""
@@ -107,16 +102,14 @@ def with_samplings(table: Table, stated: Mapping[str, Sampling | None]) -> Table
     start = min((each for each in begun if each.has_date), key=lambda each: each.day_first_s, default=None)
     # If the file states at most one start, all channels begin together. If it states several starts, the
     # channels without a start are omitted.
-    begins = {each.began_s for each in known.values()} - {None}
-    if len(begins) == 1:
-        known = {name: replace(each, began=None) for name, each in known.items()}
-    known = {name: each for name, each in known.items() if len(begins) < 2 or each.began is not None}
-    starts = {name: (each.began_s or 0.0) + each.offset_s for name, each in known.items()}
-    zero = min(starts.values())
-    times = {
-        name: np.asarray(starts[name] - zero + each.step_s * np.arange(channels[name]), dtype=np.float64)
-        for name, each in known.items()
-    }
+    begins = {name: each.began.day_first_s for name, each in known.items() if each.began is not None}
+    if len({*begins.values()}) > 1:
+        known = {name: known[name] for name in begins}
+    else:
+        begins = dict.fromkeys(known, 0.0)
+    starts = {name: begins[name] + each.offset_s for name, each in known.items()}
+    zero, rows = min(starts.values()), np.arange(max(channels.values()), dtype=np.float64)
+    times = {name: starts[name] - zero + known[name].step_s * rows[: channels[name]] for name in known}
     clocked = with_times(replace(table, start=start), times)
     clocks = dict(clocked.clocks)
     # A channel without a stated clock uses the only clock that has as many samples.

@@ -66,9 +66,7 @@ def table_of_arrays(
 ) -> Table:
     """Return the table of the arrays in ``layout.part``, or of the first of several recordings in this part.
 
-    Parameters
-    ----------
-    units : path -> text. A text with the path ``units.force`` is the unit of the array ``force``.
+    ``units`` are texts by path. A text with the path ``units.force`` is the unit of the array ``force``.
     """
     inside = [each for each in with_own_times(arrays) if is_in_part(each.path, layout.part)]
     others = recordings_in([each.path for each in inside if each.size > 1 and not each.is_clock])
@@ -146,19 +144,19 @@ def with_own_times(arrays: Iterable[StoredArray]) -> list[StoredArray]:
     Examples for the channel ``Force [N]`` are ``time_Force``, ``t_force_s`` and ``Force time``.
     """
     arrays = list(arrays)
-    channels: dict[tuple[object, ...], list[StoredArray]] = {}
-    times: dict[tuple[object, ...], list[StoredArray]] = {}
+    # (group, size, words except the word for time) -> channels, times
+    named: dict[tuple[object, ...], tuple[list[StoredArray], list[StoredArray]]] = {}
     for each in arrays:
         words = re.findall(r"[^\W_]+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", word_and_unit(each.name)[0]))
-        other = [word.lower() for word in words if word != "t" and not speaks_of(word, "time")]
-        group = channels if len(other) == len(words) else times
-        group.setdefault((each.path[:-1], each.size, *other), []).append(each)
+        others = [word.lower() for word in words if word != "t" and not speaks_of(word, "time")]
+        if others and each.size > 1:
+            pair = named.setdefault((each.path[:-1], each.size, *others), ([], []))
+            pair[len(others) < len(words)].append(each)
     moved: dict[tuple[str, ...], StoredArray] = {}
-    for key, (time, *others) in times.items():
-        if time.size > 1 and len(key) > 2 and not others and len(channels.get(key, ())) == 1:
-            path = (*channels[key][0].path, "time")
-            unit = time.unit or word_and_unit(time.name)[1]
-            moved[time.path] = replace(time, path=path, unit=unit, is_clock=True)
+    for channels, times in named.values():
+        if len(channels) == len(times) == 1:
+            path, unit = (*channels[0].path, "time"), times[0].unit or word_and_unit(times[0].name)[1]
+            moved[times[0].path] = replace(times[0], path=path, unit=unit, is_clock=True)
     return [moved.get(each.path, each) for each in arrays]
 
 
@@ -192,18 +190,13 @@ def with_values_of_runs(arrays: Sequence[StoredArray]) -> list[StoredArray]:
     runs = recordings_in([each.path for each in arrays if each.size > 1 and not each.is_clock])
     numbers = {run: int(digits[-1]) for run in runs if (digits := re.findall(r"\d{1,9}", run))}
     order = sorted(numbers, key=numbers.__getitem__)
-    lists = [
-        each
-        for each in arrays
-        if each.size == len(runs) > 1 and not any(is_in_part(each.path, run) for run in runs)
-    ]
+    own = {each.path: next((run for run in runs if is_in_part(each.path, run)), "") for each in arrays}
+    lists = [each for each in arrays if each.size == len(runs) > 1 and not own[each.path]]
     if not lists or len({*numbers.values()}) < len(runs):
         return [*arrays]
     values = {each.name: each.read().tolist() for each in lists}
     settings = {run: {name: row[k] for name, row in values.items()} for k, run in enumerate(order)}
-    own = (next((run for run in runs if is_in_part(each.path, run)), "") for each in arrays)
-    both = zip(arrays, own, strict=True)
-    return [replace(each, settings={**settings.get(run, {}), **each.settings}) for each, run in both]
+    return [replace(each, settings={**settings.get(own[each.path], {}), **each.settings}) for each in arrays]
 
 
 def with_runs_of_matrices(arrays: Sequence[StoredArray]) -> list[StoredArray]:

@@ -29,8 +29,6 @@ from mrdamper.data.formats.table import (
 from mrdamper.data.formats.timestamps import moment_of
 from mrdamper.errors import InputError
 
-_CLOCK_INDEX = -1  # This channel index means the clock of the group.
-
 
 def read_mdf(path: Path, options: FileOptions) -> Table:
     """Return the channels of an MDF file."""
@@ -78,17 +76,16 @@ def _arrays(file: Any, path: Path) -> Iterator[StoredArray]:  # noqa: ANN401 - a
         if samples < 1:
             continue
         require_held(samples, int(group.channel_group.samples_byte_nr), path, title)
-        clock = partial(_samples, file, g, _CLOCK_INDEX)
-        yield StoredArray((title, "time"), samples, clock, "s", is_clock=True)
+        yield StoredArray((title, "time"), samples, partial(_samples, file, g, None), "s", is_clock=True)
         for k, channel in enumerate(group.channels):
             if k != file.masters_db.get(g):
                 unit = str(file.get_channel_unit(group=g, index=k) or "")
                 yield StoredArray((title, str(channel.name)), samples, partial(_samples, file, g, k), unit)
 
 
-def _samples(file: Any, group: int, channel: int) -> FloatArray:  # noqa: ANN401 - asammdf's file
-    """Return the samples of a channel, NaN if a sample is marked as invalid or is not a number."""
-    if channel == _CLOCK_INDEX:
+def _samples(file: Any, group: int, channel: int | None) -> FloatArray:  # noqa: ANN401 - asammdf's file
+    """Return the samples of a channel (None: the times), NaN if invalid or not a number."""
+    if channel is None:
         return as_column(np.asarray(file.get_master(group)))[0]
     every = {"samples_only": True, "ignore_invalidation_bits": True}  # Invalid samples are kept.
     read, invalid = file.get(group=group, index=channel, **every)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
@@ -70,10 +70,6 @@ class Layout:
             self.part and f"part {self.part!r}",
         )
         return ", ".join([*filter(None, words), *self.notes])
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the fields as JSON values."""
-        return {key: list(value) if key == "notes" else value for key, value in asdict(self).items()}
 
 
 class NoTableError(InputError):

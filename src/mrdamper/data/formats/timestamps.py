@@ -112,10 +112,8 @@ def _readings_of(text: str | None) -> tuple[float, float]:
         begins = (begin for begin in _MONTHS if name[0].lower().startswith(begin))
         numbers.insert(1, f"{_MONTHS[max(begins, key=len)]}")
     first, second, third = numbers
-    if len(first) == 4:
-        orders = [(first, second, third)]
-    else:
-        orders = [(third, second, first), (third, first, second)][: 1 if "." in text or name else 2]
+    orders = [(third, second, first), (third, first, second)][: 1 if "." in text or name else 2]
+    orders = [(first, second, third)] if len(first) == 4 else orders
     days = [math.nan] * len(orders)
     for k, order in enumerate(orders):
         with suppress(ValueError):

@@ -257,9 +257,8 @@ def _rates_of(table: Table, others: Sequence[float] = ()) -> tuple[float, ...]:
 
     The rates ``others`` are appended.
     """
-    names = [name for name in table.columns if rates_in([f"{name.replace('_', ' ')}: 1"])]
-    single = [(name, table.columns[name]) for name in names]
-    stated = [f"{name.replace('_', ' ')}: {values[0]:.12g}" for name, values in single if len(values) == 1]
+    single = {name: values[0] for name, values in table.columns.items() if len(values) == 1}
+    stated = [f"{name.replace('_', ' ')}: {value:.12g}" for name, value in single.items()]
     return (*dict.fromkeys((*rates_in([*table.said, *stated]), *others)),)
 
 
