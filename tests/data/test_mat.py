@@ -109,6 +109,17 @@ def test_conditions_in_mat_structures_are_used(tmp_path, save, conditions):
     assert run.temperature == pytest.approx(297.15)
 
 
+def test_prefixes_of_runs_in_mat_are_groups(table):
+    """A list of one current for each run has no prefix."""
+    run = {"time_s": TIME, "force_N": SIGNALS["force"][0], "x_mm": SIGNALS["displacement"][0]}
+    named = {f"run{k}_{name}": values * k for k in (1, 2) for name, values in run.items()}
+    whole = table(**named, current_A=np.array([0.5, 1.0]))
+    assert (whole.title, whole.more) == ("run1", ("run2",))
+    assert {"current_A: 0.5 A"} <= set(whole.said)
+    apart = table(force_t_s=TIME, force_raw_N=TIME, force_N=TIME, x_t_s=TIME, x_raw_mm=TIME, x_mm=TIME)
+    assert apart.more == ()
+
+
 def test_mat_recordings_are_read_separately(table):
     read = table(rec1=dspace(), rec2=dspace(), part="rec2")
     assert {"Time [s]", "displacement", "force", "current"} <= set(read.names)

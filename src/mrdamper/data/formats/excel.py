@@ -111,11 +111,9 @@ def _require_harmless(path: Path) -> None:
         if stream.read(len(ZIP_SIGNATURE)) != ZIP_SIGNATURE:
             return  # A sheet of a .xls file has at most 65,536 rows and 256 columns.
     with zipfile.ZipFile(path) as archive:
-        members = archive.infolist()
-        names = {member.filename for member in members}
-        if names.isdisjoint({"xl/workbook.xml", "xl/workbook.bin", "content.xml"}):
+        if {"xl/workbook.xml", "xl/workbook.bin", "content.xml"}.isdisjoint(archive.namelist()):
             found = "is a ZIP archive without a workbook"
             raise NoTableError(place=path, found=found, remedy="Unpack it first")
-        if sum(member.file_size for member in members) > SETTINGS.workbook_unpacked_max_bytes:
+        if sum(member.file_size for member in archive.infolist()) > SETTINGS.workbook_unpacked_max_bytes:
             found = f"unpacks to more than {SETTINGS.workbook_unpacked_max_bytes >> 20} MB"
             raise InputError(place=path, found=found, remedy="Export it as CSV")

@@ -124,10 +124,11 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
 def with_prefix_groups(arrays: Iterable[StoredArray]) -> list[StoredArray]:
     """Return arrays with a group for each prefix: ``Data1_Force`` becomes ``Data1/Force``.
 
-    Each array must have a prefix that is no quantity, and each prefix a time and at least two other arrays.
+    Each long array must have a prefix that is no quantity. A prefix has a time and at least two other arrays.
     """
     arrays = list(arrays)
-    own = {each.path: _PREFIX.fullmatch(each.name) for each in arrays if each.size > 1}
+    long = [each for each in arrays if each.size >= SETTINGS.table_rows_min]
+    own = {each.path: _PREFIX.fullmatch(each.name) for each in long}
     prefixes = {path: match for path, match in own.items() if match and not names_quantity(match[1])}
     split = {path: (*path[:-1], *match.groups()) for path, match in prefixes.items()}
     groups: dict[tuple[str, ...], list[bool]] = {}
