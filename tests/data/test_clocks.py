@@ -61,7 +61,7 @@ def recording(late_s: float = 0.0, force_step_s: float = 0.002, seconds: float =
     return {
         "Displacement": Channel("mm", 0.0, 0.002, displacement_mm(time)),
         "Force": Channel("N", late_s, force_step_s, force_N(later)),
-        "Current": Channel("A", 0.0, 0.1, np.full(round(seconds / 0.1), 2.0)),
+        "Current": Channel("A", 0.0, 0.5, np.full(round(seconds / 0.5), 2.0)),
     }
 
 

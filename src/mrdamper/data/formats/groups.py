@@ -124,17 +124,18 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
 def with_prefix_groups(arrays: Iterable[StoredArray]) -> list[StoredArray]:
     """Return arrays with a group for each prefix: ``Data1_Force`` becomes ``Data1/Force``.
 
-    Each long array must have a prefix that is no quantity. A prefix has a time and at least two other arrays.
+    A prefix that is no quantity has a time and at least two other arrays, and each long array has a prefix.
     """
     arrays = list(arrays)
-    long = [each for each in arrays if each.size >= SETTINGS.table_rows_min]
-    own = {each.path: _PREFIX.fullmatch(each.name) for each in long}
+    own = {each.path: _PREFIX.fullmatch(each.name) for each in arrays if each.size > 1}
     prefixes = {path: match for path, match in own.items() if match and not names_quantity(match[1])}
     split = {path: (*path[:-1], *match.groups()) for path, match in prefixes.items()}
     groups: dict[tuple[str, ...], list[bool]] = {}
     for path in split.values():
         groups.setdefault(path[:-1], []).append(speaks_of(path[-1], "time"))
-    if len(split) < len(own) or not all(0 < sum(each) < len(each) - 1 for each in groups.values()):
+    whole = [group for group, are_times in groups.items() if 0 < sum(are_times) < len(are_times) - 1]
+    split = {path: new for path, new in split.items() if new[:-1] in whole}
+    if any(each.size >= SETTINGS.table_rows_min and each.path not in split for each in arrays):
         return arrays
     return [replace(each, path=split.get(each.path, each.path)) for each in arrays]
 
