@@ -69,7 +69,15 @@ def test_results_in_other_units_are_no_contradiction(tmp_path, document):
     assert_read(read_runs(tmp_path))
 
 
-@pytest.mark.parametrize("lines", [("1 V = 500 N", "1 V = 400 N"), ("", "Load cell 500 N/V\nForce: 400 N/V")])
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ("1 V = 500 N", "1 V = 400 N"),
+        ("", "Load cell 500 N/V\nForce: 400 N/V"),
+        ("1 V entspricht 500 N", "Force: 400 N je Volt"),
+        ("1 volt corresponde a 500 N", "Force: 4000 N / 10 V (400 N)"),
+    ],
+)
 def test_contradictory_scales_are_a_question(tmp_path, lines):
     for name, run in zip(NAMES, RUNS, strict=True):
         t, x, f, i = columns(run)

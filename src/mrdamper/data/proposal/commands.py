@@ -38,7 +38,7 @@ from mrdamper.data.words.headers import (
     speaks_of,
     word_and_unit,
 )
-from mrdamper.data.words.labels import Place, find_label
+from mrdamper.data.words.labels import Place, find_label, ranges_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, CommandUnit, roles_of_unit
 
@@ -195,6 +195,8 @@ def no_command(
     shares = command_shares(table)
     if shares and not volts:
         found = f"{' and '.join(map(repr, shares))} is a command in per cent of an unknown current"
+        stated = [f"{each!r}" for each in table.said if "A" in (unit for _, unit in ranges_in(each))]
+        found += f"; several are stated: {', '.join(stated)}" if len(stated) > 1 else ""
         return ask("current", "scale", place, f"{found} (answer such as 2 A/100%)", shares)
     headers = [header_of(table, name) for name in table.columns if name not in table.stamps]
     unclear = [each.name for each in headers if _may_be_command(each)]

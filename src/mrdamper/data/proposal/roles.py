@@ -204,8 +204,9 @@ def _column_without_unit(
         return None
     if not is_volts:
         raise no_unit(role, place, column.name, f"unit {unit!r} is not a unit of {role}" if unit else "")
-    scales = [line for line in table.said for _, scale in scales_in(line) if role in roles_of_unit(scale)]
-    raise no_scale(role, [column.name], place, scales)
+    scales = dict.fromkeys((line, scale) for line in table.said for scale in scales_in(line))
+    stated = [line for line, (_, scale_unit) in scales if role in roles_of_unit(scale_unit)]
+    raise no_scale(role, [column.name], place, stated)
 
 
 def _is_needed(role: str, headers: Sequence[Header]) -> bool:

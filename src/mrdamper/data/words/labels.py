@@ -67,15 +67,21 @@ DOCUMENT = "document"  # The source of a value from a document begins with this 
 # Cyrillic units are mapped to Latin units. Any other Cyrillic letter ends a unit: "Вт" is not a volt.
 _CYRILLIC = dict.fromkeys(range(0x400, 0x500), "x") | str.maketrans("АВСм", "AVCm")
 _PER_VOLT = {"V": 1.0, "mV": 1e3}
-_VOLTS = re.compile(r"\b(milli)?volts?\b", re.IGNORECASE)
-_UNIT = r"([^\W\d_]{1,3}(?:/s)?)"
-_SCALE = re.compile(
-    rf"(?<![\d.,])({_NUMBER})\s*{_UNIT}\s*(?:/|per)\s*{_UNIT}(?![\w/])"
-)  # "10 mm/V", "100 mV/A"
-_SCALE_BEFORE = re.compile(rf"(?<![^\s\[(]){_UNIT}/(m?V)[\])]?[\s:=]+({_NUMBER})(?![\w/])")  # "[N/V] 500"
-_SCALE_OF_VOLTS = re.compile(
-    rf"(?<![\d.,])({_NUMBER})\s*(m?V)\s*(?:=|≙|->|→)\s*±?({_NUMBER})\s*{_UNIT}(?![\w/])"
+_VOLTS = re.compile(r"\b(milli)?volt\w{0,2}\b", re.IGNORECASE)
+_PER = r"\s*(?:/|\b(?:per|pro|je|par|por|na|на)\b|每)\s*"
+_IS = (  # "1 V = 10 mm", "1 V entspricht 10 mm"
+    r"\s*(?:=|≙|->|→|:|对应|相当于|\b(?:is|means|equals|represents|entspr\w+|odpow\w+|соотв\w+"
+    r"|corresponds? to|(?:[ée]quiv|corr[ei]sp)\w+ [àa]l?))\s*"
 )
+_UNIT = r"([^\W\d_]{1,3}(?:/s)?)"
+_NUMBER_HERE = rf"(?<![\d.,])({_NUMBER})\s*"
+_QUANTITY = rf"{_NUMBER_HERE}[;|,]?\s*{_UNIT}"  # perhaps in two cells of a table
+_SCALE = re.compile(rf"{_QUANTITY}{_PER}{_UNIT}(?![\w/])")  # "10 mm/V", "100 mV/A"
+_SCALE_BEFORE = re.compile(
+    rf"(?<![^\W_]){_UNIT}(?:/|_per_)(m?V)\W?[\s:=]+({_NUMBER})(?![\w/])"  # "[N/V] 500"
+)
+_SCALE_OF_VOLTS = re.compile(rf"{_NUMBER_HERE}(m?V){_IS}±?{_QUANTITY}(?![\w/])")
+_SCALE_PER_VOLTS = re.compile(rf"{_QUANTITY}(?:{_PER}|(?!\s*:){_IS})([1-9]\d?)\s*(m?V)(?![\w/])")
 _POINT_OF_SPAN = re.compile(
     rf"(?<![\w.,])([+-]?\s?{_NUMBER})\s*(%|m?V|mA)\s*(?:=|≙|->|→|:)\s*([+-]?\s?{_NUMBER})\s*([°º]?[^\W\d_]{{1,3}}(?:/s)?)(?![\w/])"
 )
@@ -177,10 +183,11 @@ def scales_in(line: str) -> tuple[tuple[float, str], ...]:
     if (span := span_in(line)) is not None and span[2] != 0.0:
         return ()
     line = _VOLTS.sub(lambda match: "mV" if match[1] else "V", line)
-    stated = _SCALE.findall(line) + [(number, unit, per) for unit, per, number in _SCALE_BEFORE.findall(line)]
-    ratios = [(_to_float(number), unit, 1.0, per) for number, unit, per in stated]
-    for volts, raw, number, unit in _SCALE_OF_VOLTS.findall(line):
-        ratios.append((_to_float(number), unit, _to_float(volts), raw))
+    stated = [(number, unit, "1", per) for number, unit, per in _SCALE.findall(line)]
+    stated += [(number, unit, "1", per) for unit, per, number in _SCALE_BEFORE.findall(line)]
+    stated += [(number, unit, volts, per) for volts, per, number, unit in _SCALE_OF_VOLTS.findall(line)]
+    stated += _SCALE_PER_VOLTS.findall(line)
+    ratios = [(_to_float(number), unit, _to_float(volts), per) for number, unit, volts, per in stated]
     ratios += [(per, raw, number, unit) for number, unit, per, raw in ratios if raw not in {"V", "s"}]
     return tuple((a / b * _PER_VOLT[raw], unit) for a, unit, b, raw in ratios if raw in _PER_VOLT and b > 0.0)
 
