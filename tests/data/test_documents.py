@@ -15,7 +15,7 @@ import pytest
 from mrdamper.data.proposal.questions import AskingError
 from mrdamper.data.readers import read_each, read_runs
 from mrdamper.data.words.signs import signs_in
-from tests.data.test_laboratories import CURRENTS, RUNS, assert_read
+from tests.data.test_laboratories import CURRENTS, RUNS, assert_read, groups
 from tests.data.test_unseen_layouts import BARE, FULL, NAMES, bare, columns, full, table, write
 from tests.support.pace import taken
 
@@ -733,3 +733,65 @@ def test_remarks_on_samples_are_read_quickly(tmp_path):
         FULL.strip() + ",remark\n" + "".join(f"{row},a{k}\n" for k, row in enumerate(rows)),
     )
     assert taken(lambda: read_runs(tmp_path)) < 5.0
+
+
+REJECTIONS = {
+    "list": "Runs 1 and 2 are good. Run 3 was aborted.",
+    "row": "run;remark\n1;ok\n2;ok\n3;ungültig, Anschlag berührt\n",
+    "column": "run;valid\n1;yes\n2;yes\n3;no\n",
+    "blanks": "essai  courant  remarque\n1      0 A      rien\n2      0,75 A   rien\n"
+    "3      1,5 A    RATÉ : vérin en butée, capteur déplacé\n",
+    "name": "{2}: spoiled, repeated as {1}",
+    "quoted": "Do not use `{2}.csv`!",
+    "replaced": "Run 3: discarded\nRun 2: repeat of 1, which was aborted\n",
+}
+
+
+@pytest.mark.parametrize("notes", REJECTIONS.values(), ids=REJECTIONS)
+def test_spoiled_run_is_listed_not_read(tmp_path, notes):
+    full(tmp_path)
+    write(tmp_path, "notes.txt", notes.format(*NAMES))
+    runs = read_runs(tmp_path)
+    assert [run.name for run in runs.runs] == [*NAMES[:2]]
+    assert [finding.run for finding in runs.findings if finding.kind == "no_run"] == [f"{NAMES[2]}.csv"]
+
+
+@pytest.mark.parametrize(
+    "notes",
+    [
+        "Run 3: first cycle discarded\nRun 2: temperature invalid",
+        "Run 3 repeats run 2, which was spoiled",
+        "`sim` contains the force of our model for run_03, not a measurement.",
+        "All runs are invalid",
+        "run;valid;aborted\n1;yes;no\n2;yes;no\n3;yes;no\n",
+    ],
+)
+def test_run_with_unusable_part_is_read(tmp_path, notes):
+    full(tmp_path)
+    write(tmp_path, "notes.txt", notes)
+    assert_read(read_runs(tmp_path))
+
+
+def test_discarded_folder_is_listed_not_read(tmp_path):
+    full(tmp_path)
+    full(tmp_path / "old")
+    write(tmp_path, "readme.md", "`old/`: pretest with a saturated amplifier - do not use.")
+    runs = read_runs(tmp_path)
+    assert_read(runs)
+    assert sum(finding.kind == "no_run" for finding in runs.findings) == len(NAMES)
+
+
+def test_groups_without_measurement_are_listed(tmp_path):
+    """An attribute or a document calls groups of the same channels spoiled or no measurement."""
+    import h5py
+
+    groups(tmp_path)
+    with h5py.File(tmp_path / "tests.h5", "a") as file:
+        for name in ("zero_check", "warm_up", "test 9"):
+            file.copy("campaign/test 1", f"campaign/{name}")
+        file["campaign/test 9"].attrs["comment"] = "amplifier saturated at 400 N, discarded"
+    write(tmp_path, "README.md", "Damper 3. `zero_check` and `warm_up` are kept for the record only.")
+    runs = read_runs(tmp_path)
+    assert_read(runs, warm=313.15)
+    listed = {finding.run.split("/")[-1] for finding in runs.findings if finding.kind == "no_run"}
+    assert listed == {"zero_check", "warm_up", "test 9"}

@@ -71,6 +71,14 @@ class Inference:
         return f"{self.run}: {self.role} {value}, from the {self.source}"
 
 
+def no_run(name: str, reason: str) -> Finding:
+    """Return the finding that a file, or a part of a file, is not read as a run."""
+    found = f"{name} {reason} and is not read as a run"
+    effect = "Only its statements about runs are used"
+    remedy = "Read this file alone to see why it is not a run"
+    return Finding("no_run", found, effect, remedy, severity="note", run=name)
+
+
 def by_kind(findings: Sequence[Finding]) -> list[tuple[Finding, int]]:
     """Return (largest finding by size, number of runs) of each severity, kind and channel.
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from mrdamper.data.channels import ChannelMap, read_channel_map
-from mrdamper.data.finding import Finding, Inference
+from mrdamper.data.finding import Finding, Inference, no_run
 from mrdamper.data.formats.table import NoTableError
 from mrdamper.data.frames import Frame
 from mrdamper.data.proposal.documents import read_documents
@@ -147,6 +147,8 @@ def _read_all(
     if len(stating) == len(files):  # If all files are documents, the user gets the errors of reading them.
         stating = set()
 
+    rejected = {file: why for each in documents for file, why in each.rejected.items() if file not in given}
+
     def read_one(path: Path) -> RigFile | InputError:
         try:
             if path in frames:
@@ -157,7 +159,7 @@ def _read_all(
         except InputError as error:
             return error
 
-    chosen_files = [*frames, *(path for path in files if path not in stating)]
+    chosen_files = [*frames, *(path for path in files if path not in {*stating, *rejected})]
     # A fork of a process in which Polars has started threads would wait for these threads for ever.
     is_parallel = len(chosen_files) >= _PARALLEL_FILES_MIN and "polars" not in sys.modules
     pool = Pool() if is_parallel else ONE_CORE
@@ -176,9 +178,10 @@ def _read_all(
     faulty = tuple(replace(item, path=_shown(item.path, space)) for item in unreadable if item not in ignored)
     named_files = tuple(_with_distinct_names(warmed, space))
     runs = tuple(recording for _, file in named_files for recording in file.recordings)
-    stating_findings = {each.path.name: each.finding for each in documents if each.lines}
-    no_runs = {file.path.name: _no_run_finding(file.path.name) for file in ignored}
-    return ReadFiles(named_files, faulty, runs, (*{**no_runs, **stating_findings}.values(), *logs.values()))
+    beside = {file.path.name: no_run(file.path.name, "has no samples of a damper") for file in ignored}
+    beside |= {document.path.name: document.finding for document in documents if document.lines}
+    left_out = [no_run(path.name, reason) for path, reason in rejected.items()]
+    return ReadFiles(named_files, faulty, runs, (*beside.values(), *left_out, *logs.values()))
 
 
 def _shown(path: Path | str, space: Path) -> Path:
@@ -206,13 +209,6 @@ def _ignored_files(
     return ignored if read or len(ignored) < len(unreadable) else []
 
 
-def _no_run_finding(name: str) -> Finding:
-    found = f"{name} has no samples of a damper and is not read as a run"
-    effect = "Only its statements about runs are used"
-    remedy = "Read this file alone to see why it is not a run"
-    return Finding("no_run", found, effect, remedy, severity="note", run=name)
-
-
 def _with_distinct_names(read: Sequence[tuple[Path, RigFile]], space: Path) -> list[tuple[Path, RigFile]]:
     """Return the files with unique names of their runs. Equal names get the folder's name as a prefix.
 
@@ -229,7 +225,7 @@ def _with_distinct_names(read: Sequence[tuple[Path, RigFile]], space: Path) -> l
                 replace(each, name=new[each.name], source=f"{_shown(each.source, space)}")
                 for each in file.recordings
             ),
-            findings=tuple(replace(each, run=new[each.run]) for each in file.findings),
+            findings=tuple(replace(each, run=new.get(each.run, each.run)) for each in file.findings),
             inferred=tuple(replace(each, run=new[each.run]) for each in file.inferred),
         )
         named.append((_shown(path, space), shown))

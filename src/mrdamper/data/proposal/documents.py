@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from mrdamper.data.finding import Finding
@@ -27,7 +27,7 @@ from mrdamper.data.proposal.notation import NOTATIONS, SCRIPTS, entries_of
 from mrdamper.data.records import LEAST_SAMPLES
 from mrdamper.data.tables import decoding
 from mrdamper.data.words.headers import speaks_of, strip_channel
-from mrdamper.data.words.labels import CONDITIONS, Place, labels_in
+from mrdamper.data.words.labels import CONDITIONS, Place, labels_in, rejection_in
 from mrdamper.errors import InputError
 from mrdamper.files import MAP_SUFFIX
 from mrdamper.quantities import is_any_unit
@@ -36,7 +36,8 @@ _RUN = r"run|test|file|rec|record|versuch|lauf|messung|essai|prueba"
 _SPECIMEN = r"specimen|probe|prüfling|éprouvette|échantillon|provino|muestra|probeta|amostra|próbka|试样|试件"
 _NUMBER_WORDS = re.compile(rf"^$|\b(no|nr|num|number|id|{_RUN})\b|^({_SPECIMEN})\b|#", re.IGNORECASE)
 _NUMBER_IN_LINE = re.compile(  # The number of a run, as in "run 7", but no value, as in "test 2 A".
-    rf"\b(?:{_RUN})s?[\s_.#-]{{0,2}}(\d{{1,9}})\b(?![.,]\d|\s?(?:m?[AV]|°|deg|[CK]|mm|k?Hz|s|k?N|%)\b)",
+    rf"\b(?:{_RUN})s?[\s_.#-]{{0,2}}(\d{{1,9}})\b(?![.,]\d|\s?(?:m?[AV]|°|deg|[CK]|mm|k?Hz|s|k?N|%)\b)"
+    r"(?!\s?(?:[,&+–-]|and|und|et|to|bis)\s?\d)",  # A list of runs is not one run.
     re.IGNORECASE,
 )
 _CLOCK_OF_LIST = re.compile(r"(?<![\d:.,])(\d{1,2}:\d{2})(?![\d:.,])")  # time of day without seconds
@@ -52,6 +53,8 @@ _CODE = r"(?:^|(?<=[,;:(|])(?!(?<=\d,)\d))[\s*`'\"-]*({})[`'\"]*\s*(?:=|:|->|→
 _CODE_OR_NAME = rf"{_CODE[:-1]}|(?<=\s)(?=[+-]?\d))"  # A value after the name of a file needs no sign.
 _VALUE = r"\d+(?:[.,p]\d+)?\s?m?[AV](?![^\W_])"  # A current in the names of files is a code too.
 _ANY_CODE = re.compile(_CODE.format(rf"[^\W\d_]\w{{0,3}}|\d{{1,2}}(?=\s*=)|{_VALUE}"))
+_SENTENCE_END = re.compile(r"(?<=[^\W\d_][.;!])\s+(?=[`'\"]?[^\W\d_])")
+_LINK = r"(?:\s*[,&+]\s*|\s+(?:and|und|et|y|e|i|og|och|ja|и)\s+)"  # between the names of a list
 _ENTRY = re.compile(r"\s*[-*]?\s*([^\s:=][^:=]*?)\s*[:=]\s*([^\s:=][^:=]*?)\s*")
 
 
@@ -63,6 +66,7 @@ class Document:
     lines: Mapping[Path, tuple[str, ...]]
     whole: tuple[str, ...] = ()  # All lines; they may explain columns, signs and the sampling rate.
     owners: tuple[Path, ...] = ()  # The files of the only described run, () if any run may be described.
+    rejected: Mapping[Path, str] = field(default_factory=dict)  # Reasons to omit files, such as spoiled runs.
 
     def places(self, file: Path) -> tuple[Place, ...]:
         """Return the lines about a file, each with the document as its source."""
@@ -131,6 +135,19 @@ class _Files:
             found = [(), *map(self.by_number, cells[1:])]
         return found if len({*found} - {()}) > 1 else []
 
+    def in_list(self, text: str) -> list[Path]:
+        """Return the files of the subject of a text: its only name or list, such as "runs 3, 5 and 7"."""
+        names = "|".join(map(re.escape, sorted(self.names, key=len, reverse=True))) or "(?!)"
+        named = ("", rf"[`'\"]?(?:{names})[`'\"/]*", self.in_cell)
+        for before, item, owners in (named, (rf"(?:{_RUN})s?[\s_.#-]{{0,2}}", r"\d{1,9}", self.by_number)):
+            form = rf"(?<!\w){before}({item}(?:{_LINK}{item})*)(?!\w|\s?(?:[–-]|to|bis)\s?\d)"
+            found = [*re.finditer(form, text, re.IGNORECASE)]
+            if len(found) == 1 and re.search(r"[\W\d_]", found[0][0]):
+                clause = re.split(r"[,;:|\t(]", text[: found[0].start()])[-1]
+                words = re.split(_LINK, found[0][1]) if len(clause.split()) <= 3 else []
+                return [file for word in words for file in owners(word.strip("`'\"/"))]
+        return []
+
     def are_others(self, words: Sequence[str]) -> bool:
         """Return True if a word is the name of a file that is not in the folder, such as a deleted run."""
         return any(Path(word).suffix in self.suffixes and word not in self.names for word in words)
@@ -183,9 +200,41 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
             own = [with_unit(line_of(re.split("[\t;]", _strip_name(line, file)))) for line in lines]
             stating = {**stating, **_stating({file: [*stating.get(file, ()), *own]})}
         whole = () if path in sampled else tuple(lines)
-        if stating or whole:
-            found.append(Document(path, stating, whole, owners))
+        rejected = rejected_in(path, lines, below, is_run=is_run) if is_list else {}
+        if stating or whole or rejected:
+            found.append(Document(path, stating, whole, owners, rejected))
     return tuple(found)
+
+
+def rejected_in(path: Path, lines: Sequence[str], files: Sequence[Path], *, is_run: bool) -> dict[Path, str]:
+    """Return the files that a document calls spoiled or no run, with the reason; {} if it means all files."""
+    sentences = [part for line in lines for part in _SENTENCE_END.split(line)]
+    known = _Files(files, path.parent)
+    rejections = {line: found for line in sentences if (found := rejection_in(line))}
+    listed = {
+        line: known.in_list(line[: found.start()]) or known.in_list(line[found.end() :])
+        for line, found in rejections.items()
+    }
+    # A sentence may name a run that it does not reject: "`sim` is a model of run_3, not a measurement".
+    clear = [line for line in sentences if listed.get(line, True) or not known.in_line(line)]
+    about = _lines_by_file(path, clear, files, is_run=is_run)
+    for line, own in listed.items():
+        about |= {file: [*about.get(file, []), line] for file in own}
+    lines_of = {file: line.strip() for file, own in about.items() for line in own if rejection_in(line)}
+    rejected = {file: f"is rejected by {path.name!r} ({line})" for file, line in lines_of.items()}
+    return rejected if len(rejected) < len(files) else {}
+
+
+def spoiled_tables(tables: Sequence[Table], notes: Sequence[str], file: str) -> dict[int, str]:
+    """Return the reason by index of each table that a line calls spoiled or no run; {} if it means all."""
+    lines = [line for table in tables[:1] for each in table.lists.values() for line in each]
+    lines += [line for line in notes if file in line or not re.search(r"[\w*-]\.[A-Za-z]\w{1,4}\b", line)]
+    titles = [Path(f"{table.title}.sheet") for table in tables]
+    named = rejected_in(Path("a document"), lines, titles, is_run=False) if len(tables) > 1 else {}
+    found = {k: named[title] for k, title in enumerate(titles) if title in named}
+    own = {k: line.strip() for k, table in enumerate(tables) for line in table.said if rejection_in(line)}
+    found |= {k: f"is rejected by its line {line!r}" for k, line in own.items()}
+    return found if len(found) < len(tables) else {}
 
 
 def _owners(
@@ -405,7 +454,8 @@ def _strip_name(line: str, file: Path) -> str:
 def _cells(line: str) -> list[str]:
     """Return the cells of a row, split at tabs, else at the sign that gives most cells, else at blanks."""
     apart = re.split(r"\s{2,}", line.strip())
-    if len(apart) > 1 and not re.search(r"[\t;|]|(?<!\d),|,(?!\d)", line):  # Commas are in numbers only.
+    # Commas are in numbers or in a remark of several words.
+    if len(apart) > 1 + (", " in line) and not re.search(r"[\t;|]|(?<!\d),(?! \w)|,(?!\d| \w)", line):
         return apart
     signs = DELIMITERS[:1] if "\t" in line else DELIMITERS[:-1]
     cells = max((split_line(line.strip(" \r\n").strip("|"), sign) for sign in signs), key=len)

@@ -15,7 +15,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
-from mrdamper.data.finding import Finding, Inference
+from mrdamper.data.finding import Finding, Inference, no_run
 from mrdamper.data.formats.table import Layout, Moment, Table
 from mrdamper.data.proposal.clocks import increases, sampling_step, start_of, to_one_clock, with_clocks
 from mrdamper.data.proposal.column import Column, explained, headers_of
@@ -26,7 +26,7 @@ from mrdamper.data.proposal.commands import (
     segments_of,
     with_temperature,
 )
-from mrdamper.data.proposal.documents import lines_by_title
+from mrdamper.data.proposal.documents import lines_by_title, spoiled_tables
 from mrdamper.data.proposal.folders import GENERIC_SUFFIXES, format_suffixes, own_name
 from mrdamper.data.proposal.formulas import converted
 from mrdamper.data.proposal.pieces import Piece, join_pieces, repaired_parts, run_edges, with_stated_signs
@@ -72,8 +72,14 @@ def runs_in(
     of the runs is ``name``, or the name of the file. ``stated`` are the lines of documents about the file.
     ``notes`` are all lines of documents, which may explain columns and the sampling rate.
     """
+    spoiled = spoiled_tables(tables, notes, file.name)
+    omitted = [no_run(tables[k].title, reason) for k, reason in spoiled.items()]
     explaining = [*notes, *(line for table in tables[:1] for lines in table.lists.values() for line in lines)]
-    tables = [converted(explained(table, explaining, chosen, file.name), notes, chosen) for table in tables]
+    tables = [
+        converted(explained(table, explaining, chosen, file.name), notes, chosen)
+        for k, table in enumerate(tables)
+        if k not in spoiled
+    ]
     parts: list[tuple[list[Piece], Sequence[Column], Sequence[str]]] = []
     faults: list[InputError] = []
     tables = [
@@ -108,7 +114,8 @@ def runs_in(
     layout = replace(tables[0].layout, notes=(*tables[0].layout.notes, *remarks))
     pieces = [piece for own, _, _ in parts for piece in own]
     pieces = pieces if chosen.segments else join_pieces(pieces)
-    return _make_recordings(pieces, chosen, file, name or own_name(file), layout, tuple(parts[0][1]))
+    read = _make_recordings(pieces, chosen, file, name or own_name(file), layout, tuple(parts[0][1]))
+    return replace(read, findings=(*read.findings, *omitted))
 
 
 def _may_be_run(table: Table, *, is_foreign: bool) -> bool:

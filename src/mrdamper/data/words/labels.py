@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mrdamper.data.words.headers import has_word
+from mrdamper.data.words.headers import has_word, speaks_of
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, ZERO_CELSIUS_K, to_si
 
@@ -275,3 +275,30 @@ def rates_in(lines: Iterable[str]) -> tuple[float, ...]:
         for number, kilo, thousand, other in stated:
             rates[_to_float(number or other) * (1e3 if kilo or thousand else 1.0)] = None
     return tuple(filter(None, rates))
+
+
+_REJECTED = re.compile(
+    r"(?i)(?:\b(?:(?:do not|don.t|not to|not (?:to )?be) (?:use|evaluate|analy)|(?:is|are|was|were) not used"
+    r"|not (?:a |for )(?:run|measurement|test|use|evaluation|analysis)\b|for (?:the )?records? only|unusable"
+    r"|(?:discard|reject|abort|spoil)(?:ed|t)\b|invalid\b|nicht (?:zu )?(?:verw|auswert|benutz|brauchb|gült)"
+    r"|unbrauchbar|ungültig|verworfen|fehlversuch|abgebrochen|ne pas (?:exploit|utilis|d[ée]pouill)|raté"
+    r"|inexploitable|inutilisable|pour information|n(?:o|ão) (?:usar|utili[sz])|non (?:usare|utilizz)"
+    r"|descartad|scartat|inv[áa]lid[aoe]|anulad|annullat|nie (?:używa|bra)|odrzucon|nieważn|nepouží|neplatn"
+    r"|ne használ|érvénytelen|geçersiz|не использ|брак\b|недейств|kassera|ogiltig|ugyldig|hylätty|ongeldig"
+    r"|(?:without|ohne|sans|sin|sem|senza|bez|zonder|utan|uten) (?:\w{1,3}\W)?(?:d[äa]mp|demp|am+ort|tłum))"
+    r"|作废|废弃|无效|不使用|無効|破棄|使用しない|무효|폐기)(?!\w*\s*[:=]\s*(?:0|no|none|false)\b)"
+    r"|\b(?:valid|ok|usable|gültig|valide|válid[oa])\s*[:=]\s*(?:no|n|0|false|nein|non|nie|não)\b"
+)
+# The run is valid if a part of it or a correction is meant, or a spoiled run that it replaces.
+_NOT_RUN = re.compile(r"(?i)\b(?:cycle|period|zykl|sample|channel|[ck]anal|signal|above|subtract)|\d ?m?s\b")
+_REPLACES = re.compile(r"(?i)repe[at]|repl|instead|wiederh|ersat?z|rempl|répét|s[uo]stit|ripet|powt|повтор")
+
+
+def rejection_in(line: str) -> re.Match[str] | None:
+    """Return the words of a line that call a run spoiled or no measurement, None without such words."""
+    found = _REJECTED.search(line)
+    before, after = (line[: found.start()], line[found.end() :]) if found else ("", "")
+    own, rest = (re.split(r"[,;()]|\.\s|\s[-\u2013\u2014]\s", text) for text in (before, after))
+    subject = own[-1].rstrip(" :").split(":")[-1]
+    of_channel = len(subject.split()) <= 2 and any(speaks_of(subject, role) for role in QUANTITIES)
+    return None if of_channel or _NOT_RUN.search(own[-1] + rest[0]) or _REPLACES.search(before) else found
