@@ -38,6 +38,8 @@ def named(role: str, **columns: object) -> str:
         ("temperature", "fluid_temperature__degC", "temperature__degC"),
         ("temperature", "temperature__degC", "ambient_temperature__degC"),
         ("current", "current__A", "current_setpoint__A"),
+        ("current", "aram_mert__A", "aram_alapjel__A"),
+        ("current", "mitattu_virta__A", "virta_asetusarvo__A"),
     ],
 )
 @pytest.mark.parametrize("first", ["wins", "loses"])

@@ -48,7 +48,8 @@ Kind = Literal[
 # A statistic is a result of a run. The volts of a sensor output represent another quantity.
 _KINDS: Mapping[Kind, re.Pattern[str]] = {
     "set point": re.compile(
-        r"\b(set|setpoint|soll\w*|cmd|command\w*|target|demand\w*|ref|reference|desired|consign\w*|zadan\w*)\b"
+        r"\b(set|setpoint|soll\w*|cmd|command\w*|target|demand\w*|ref|reference|desired|consign\w*|zadan\w*"
+        r"|alapjel\w*|asetus\w*|ohjearvo|börvärde|riferimento|impostat\w*|istenen|уставк\w*|задан\w*)\b"
         r"|目标|設定|设定|指令|给定|목표|지령"
     ),
     "sensor output": re.compile(r"monitor|\bimon\b|\bmon\b|shunt|clamp|probe|transducer|sensor"),
