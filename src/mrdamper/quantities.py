@@ -63,7 +63,7 @@ _TABLE = (
             "displacement", "axial displacement", "disp", "displ", "position", "pos", "stroke", "x", "weg",
             "desplazamiento", "deslocamento", "déplacement", "spostamento", "位移", "行程", "変位", "변위",
             "extension", "travel", "hub", "gauge", "course", "carrera", "curso", "corsa", "przemieszczenie",
-            "перемещение", "ход",
+            "перемещение", "ход", "siirtymä", "elmozdulás", "verplaatsing", "förskjutning", "forskyvning",
         ),
         ("m", "mm", "in"),
     ),
@@ -80,12 +80,14 @@ _TABLE = (
         (
             "force", "axial force", "load", "axial load", "kraft", "fuerza", "força", "forza", "力", "阻尼力",
             "载荷", "荷重", "하중", "effort", "siła", "carga", "усилие", "сила", "нагрузка",
+            "voima", "kracht", "síla", "kuvvet",
         ),
         ("N", "kN", "kgf", "lbf"),
     ),
     Quantity(
         "current", "I", "A", -100, 100,
-        ("current", "strom", "corriente", "corrente", "courant", "prąd", "ток", "电流", "電流", "전류"),
+        ("current", "strom", "corriente", "corrente", "courant", "prąd", "ток", "电流", "電流", "전류",
+         "virta", "stroom", "ström", "strøm", "proud", "áram", "akım"),
         ("A", "mA"),
     ),
     Quantity(
@@ -99,7 +101,7 @@ _TABLE = (
     Quantity(
         "temperature", "T", "K", 223, 453,
         ("temperature", "temp", "temperatur", "temperatura", "température", "температура", "温度", "油温",
-         "온도"),
+         "온도", "lämpötila", "temperatuur", "teplota", "hőmérséklet", "sıcaklık"),
         ("K", "degC", "degF"),
     ),
 )  # fmt: skip

@@ -19,10 +19,11 @@ from scipy.io import savemat
 
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.diagnosis.campaign import compare
+from mrdamper.data.formats.groups import attribute_lines
 from mrdamper.data.proposal.questions import AskingError, parse_answers
 from mrdamper.data.readers import read_file, read_runs
 from mrdamper.data.records import Dataset, RigRun
-from mrdamper.data.words.labels import labels_in, rates_in, scales_in
+from mrdamper.data.words.labels import Place, find_label, labels_in, rates_in, scales_in
 from mrdamper.errors import InputError
 from mrdamper.files import parse_toml
 from mrdamper.jobs.channel_map import write_map
@@ -691,6 +692,23 @@ def test_current_in_name_requires_unit(value, before, unit, after, sign):
 )
 def test_values_with_exponents_or_unit_words_are_read(role, text, value):
     assert labels_in(text, role) == pytest.approx((value,))
+
+
+@pytest.mark.parametrize(
+    ("current", "oil"),
+    [
+        ("Virta_A", "Öljyn_lämpötila_C"),
+        ("Ström_A", "Oljetemperatur_C"),
+        ("Stroom_A", "Olietemperatuur_C"),
+        ("Proud_A", "Teplota oleje_C"),
+        ("Áram_A", "Olajhőmérséklet_C"),
+        ("Akım_A", "Yağ sıcaklık_C"),
+    ],
+)
+def test_attributes_state_conditions_in_languages(current, oil):
+    places = [Place("header", line) for line in attribute_lines({current: 0.75, oil: 21.0})]
+    found = [find_label(places, role) for role in ("current", "temperature")]
+    assert [label and label.values for label in found] == [(0.75,), (294.15,)]
 
 
 @pytest.mark.parametrize(

@@ -70,7 +70,9 @@ _KINDS: Mapping[Kind, re.Pattern[str]] = {
     "damper": re.compile(
         r"damper|d(ä|ae)mpfer|t[lł]umi[kč]|am+orti[sz]|amorte[cç]|demper|lengéscs|амортиз|демпф|阻尼|ダンパ|댐퍼"
     ),
-    "fluid": re.compile(r"\b(fluid|oil|öl|huile|aceite|olio|óleo|olej\w*|масл\w*|жидкост\w*)\b|油|流体|오일"),
+    "fluid": re.compile(
+        r"\b(fluid|oil|öl|huile|aceite|olio|óleo|(olej|olaj|öljy|масл|жидк)\w*)\b|油|流体|오일"
+    ),
 }
 _COMMAND = re.compile(
     r"\b(c(o|ó)m(m)?and\w*|cmd|drive\w*|control\w*|steuer\w*|consign\w*)\b|volt|spannung|tens[iã]|ten[cs]i[oó]n|nap[ie]"

@@ -226,7 +226,7 @@ def _may_say(place: Place, role: str) -> bool:
     if _NOT_SET.search(text):
         return False
     if role == "temperature":
-        return not has_word(text, "ambient") and bool(_OF_TEMPERATURE.search(text))
+        return not has_word(text, "ambient") and bool(_OF_TEMPERATURE.search(text) or speaks_of(text, role))
     # A line about a power supply states its rating, such as 24 V and 5 A, or a set current, which is used.
     is_set = role == "current" and _SET.search(text) and not labels_in(text, "voltage")
     is_rating = _SUPPLY.search(text) and not is_set
