@@ -5,7 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import zipfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -67,35 +67,50 @@ def workbook(folder: Path) -> None:
     book.save(folder / "plan.xlsx")
 
 
-def open_document(folder: Path) -> None:
-    """Write an OpenDocument sheet with 1020 empty cells after each row, as spreadsheet programs save it."""
+def write_ods(path: Path, sheets: Mapping[str, Sequence[Sequence[object]]]) -> None:
+    """Write OpenDocument sheets with 1020 empty cells after each row, as spreadsheet programs save them."""
     name = "urn:oasis:names:tc:opendocument:xmlns"
-    bare(folder)
-    cells: list[list[object]] = [
-        ["Laboratory"],
-        [],
-        ["Test", "Current (A)", "Oil (°C)", "Remark"],
-        *([n, i, 30] for n, i in zip(NAMES, CURRENTS, strict=True)),
-    ]
-    rows = "".join(
-        "<table:table-row>"
+    tables = "".join(
+        f'<table:table table:name="{title}">'
         + "".join(
-            f'<table:table-cell office:value-type="string"><text:p>{cell}</text:p></table:table-cell>'
-            for cell in row
+            "<table:table-row>"
+            + "".join(
+                f'<table:table-cell office:value-type="float" office:value="{cell}"/>'
+                if isinstance(cell, float)
+                else '<table:table-cell office:value-type="string">'
+                f"<text:p>{cell}</text:p></table:table-cell>"
+                for cell in row
+            )
+            + '<table:table-cell table:number-columns-repeated="1020"/></table:table-row>'
+            for row in rows
         )
-        + '<table:table-cell table:number-columns-repeated="1020"/></table:table-row>'
-        for row in cells
+        + "</table:table>"
+        for title, rows in sheets.items()
     )
     spaces = " ".join(f'xmlns:{kind}="{name}:{kind}:1.0"' for kind in ("office", "table", "text"))
     text = (
-        f"<office:document-content {spaces}><office:body><office:spreadsheet>"
-        f'<table:table table:name="Plan">{rows}</table:table>'
+        f"<office:document-content {spaces}><office:body><office:spreadsheet>{tables}"
         "</office:spreadsheet></office:body></office:document-content>"
     )
-    with zipfile.ZipFile(folder / "plan.ods", "w") as file:
+    with zipfile.ZipFile(path, "w") as file:
         file.writestr("mimetype", "application/vnd.oasis.opendocument.spreadsheet")
         file.writestr("META-INF/manifest.xml", "<manifest/>")
         file.writestr("content.xml", text)
+
+
+def open_document(folder: Path) -> None:
+    bare(folder)
+    head: Sequence[Sequence[str]] = [["Laboratory"], [], ["Test", "Current (A)", "Oil (°C)", "Remark"]]
+    rows = [[name, f"{current}", "30"] for name, current in zip(NAMES, CURRENTS, strict=True)]
+    write_ods(folder / "plan.ods", {"Plan": [*head, *rows]})
+
+
+def open_document_with_samples(folder: Path) -> None:
+    sheets: dict[str, Sequence[Sequence[object]]] = {"plots": []}
+    sheets["Plan"] = [["Sheet", "Oil (°C)"], *([f"{current} A", 30.0] for current in CURRENTS)]
+    for current, run in zip(CURRENTS, RUNS, strict=True):
+        sheets[f"{current} A"] = [BARE.strip().split(","), *np.column_stack(columns(run)[:3]).tolist()]
+    write_ods(folder / "day.ods", sheets)
 
 
 def protocols(folder: Path) -> None:
@@ -586,6 +601,7 @@ STORED: dict[str, Writer] = {
     "letters_in_separate_lines": coded(
         "Code of the current:\n - L: 0 A\n - M: 0,75 A\n - H: 1,5 A", ("D_L7", "D_M7", "D_H7")
     ),
+    "open_document_with_samples": open_document_with_samples,
     "archives_in_a_subfolder": packed(".gz"),
     "unpacked_names_of_archives": packed(""),
     "values_after_names_in_a_line": about(

@@ -44,7 +44,7 @@ _NO_RUNS = frozenset(
     for end in (
         *("bak", "tmp", "old", "orig", "swp", "md", "rst", "html", "htm", "xml", "svg", "tex", "py", "m"),
         *("ini", "cfg", "toml", "yaml", "yml", "c", "h", "ipynb", "pdf", "png", "jpg", "jpeg"),
-        *("docx", "doc", "pptx", "ppt", "odt", "odp", "ods", "vsdx"),
+        *("docx", "doc", "pptx", "ppt", "odt", "odp", "vsdx"),
     )
 )
 _COMPRESSIONS: Mapping[bytes, Any] = MappingProxyType({b"\x1f\x8b": gzip, b"BZh": bz2, b"\xfd7zXZ": lzma})
