@@ -726,13 +726,14 @@ def test_unclear_script_leads_to_question(tmp_path, script):
 BYSTANDERS = {
     "calibration.csv": "mass_kg,adc_counts\n" + "".join(f"{k},{900 * k + 7}\n" for k in range(6)),
     "results.csv": "run,peak_N,energy_J\n" + "".join(f"{k},{400 * k},{3 * k}\n" for k in range(1, 12)),
+    "damaged.txt": "notes \x8d\xff\xe9 1\n",
 }
 
 
 @pytest.mark.parametrize("name", BYSTANDERS)
 def test_table_without_channels_is_listed_not_read(tmp_path, name):
     full(tmp_path)
-    write(tmp_path, name, BYSTANDERS[name])
+    (tmp_path / name).write_bytes(BYSTANDERS[name].encode("latin-1"))
     runs = read_runs(tmp_path)
     assert_read(runs)
     assert [finding.run for finding in runs.findings if finding.kind == "no_run"] == [name]

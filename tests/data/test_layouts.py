@@ -46,7 +46,11 @@ def test_utf16_needs_no_byte_order_mark(tmp_path_factory, text, encoding, marked
         ("Ток;Force", "cp1251", "cp1252"),  # One Cyrillic word is not enough to recognise cp1251.
         ("时间;位移", "gb18030", "gb18030"),
         ("時間;荷重;変位", "cp932", "cp932"),
+        ("MRダンパ ±10 mm ｶﾞｽ", "cp932", "cp932"),
+        ("①電流 0.5 A", "cp932", "cp932"),
+        ("減震器試驗 " * 100, "gb18030", "gb18030"),
         ("시간;하중", "cp949", "cp949"),
+        ("température élevée " * 100, "cp1252", "cp1252"),
         ("Zeit;Kraft µ°", "utf-8", "utf-8-sig"),
     ],
 )

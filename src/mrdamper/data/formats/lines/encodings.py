@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mrdamper.data.formats.settings import SETTINGS
+from mrdamper.data.formats.table import NoTableError
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES
 
@@ -33,7 +34,12 @@ _NO_CYRILLIC = b"\x98"  # The byte that Windows-1251 does not define.
 _POLISH = re.compile(rb"[a-z][\xb3\xb9\xbf][a-z]")  # These letters are signs in Windows-1252.
 _WORDS = re.compile(rb"[A-Za-z\x80-\xff]{3,}")
 _CYRILLIC_WORD = re.compile(rb"[\xa8\xb8\xc0-\xff]+")
-_EAST = re.compile(r"[\u3000-\u30ff\u4e00-\u9fff\uff01-\uff5e\u2103\u3395-\u33df\x00-\x7f]*")
+# Two kana in sequence have no other encoding. One Chinese character may be an accented letter and the next.
+_JAPANESE_TEXT = re.compile(
+    r"(?s)(?=.*[\u3041-\u30fe]{2}).*|(?=.*[^\x00-\x7f]{2})"
+    r"[\u3000-\u30ff\u4e00-\u9fff\uff01-\uff5e\u2103\u2460-\u2473\u3395-\u33df±×Ωμ\x00-\x7f]*"
+)
+_ROW = re.compile(rb"(?m)^\W*\d[\d.,eE+-]*[\t;, ]+[+-]?\d[\d.,eE+-]*\s")
 _MARKS = (b"\xff\xfe", b"\xfe\xff")
 
 
@@ -94,7 +100,8 @@ def read_lines(source: Path | Text, size: int = -1) -> Text:
 def encoding_of(place: str, content: bytes) -> str:
     """Return the encoding of a text that is not UTF-16.
 
-    Raise InputError if the bytes are not a text of numbers in a supported encoding.
+    Raise InputError if the bytes are not a text in a supported encoding, NoTableError if they also contain no
+    row of numbers.
     """
     try:
         content.decode("utf-8")
@@ -102,8 +109,12 @@ def encoding_of(place: str, content: bytes) -> str:
         is_plain = _NO_TEXT.search(content) is None
         if is_plain and (encoding := _eastern(content) or _western(content)):
             return encoding
+        with suppress(UnicodeDecodeError):  # A further encoding with pairs of bytes, such as Big5.
+            if is_plain and content.decode(_CHINESE):
+                return _CHINESE
         found = f"byte {error.start} is not UTF-8 text (0x{content[error.start]:02x})"
-        raise InputError(place=place, found=found, remedy="Save the file as UTF-8") from error
+        fault = InputError if _ROW.search(content) else NoTableError
+        raise fault(place=place, found=found, remedy="Save the file as UTF-8") from error
     return UTF8
 
 
@@ -113,9 +124,10 @@ def _western(content: bytes) -> str:
     words = [word for word in _WORDS.findall(content) if not word.isascii()]
     if len(words) >= 2 and all(map(_CYRILLIC_WORD.fullmatch, words)) and _NO_CYRILLIC not in content:
         return _CYRILLIC
-    # In texts of European languages, up to one letter in seven is not ASCII.
+    # In texts of European languages, up to one letter in seven is not ASCII, in single words up to a half.
     letters = len(content) - len(content.translate(None, bytes(range(128, 256))))
-    is_windows = _NO_WINDOWS.search(content) is None and letters <= 0.15 * len(content)
+    letters_max = max(8, 0.15 * len(content), 0.5 * sum(map(len, words)))
+    is_windows = _NO_WINDOWS.search(content) is None and letters <= letters_max
     return "" if not is_windows else _CENTRAL if _POLISH.search(content) else _WINDOWS
 
 
@@ -129,7 +141,8 @@ def _eastern(content: bytes) -> str:
         with suppress(UnicodeDecodeError):
             text = content.decode(narrow)
             # All non-ASCII characters, at least two, are pairs of bytes. An umlaut is one byte.
-            if len(content) - len(text) > 1 and (encoding != _JAPANESE or _EAST.fullmatch(text)):
+            is_other = encoding == _JAPANESE and not _JAPANESE_TEXT.fullmatch(text)
+            if len(content) - len(text) > 1 and not is_other:
                 fitting[encoding] = text
     words = [word for each in QUANTITIES.values() for word in each.headers if len(word) > 1]
     named = [key for key, text in fitting.items() if any(w in text for w in words if not w.isascii())]
