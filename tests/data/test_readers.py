@@ -56,6 +56,8 @@ def test_self_describing_file_needs_no_map(tmp_path):
         _text("time_ms,displacement_mm,force_kN,current_mA", scales=(1e3, 1e3, 1e-3, 1e3)),
         _text("Time (Sec),Displacement [mm],Force (N),Current [A]", scales=(1.0, 1e3, 1.0, 1.0)),
         _text("Time,Displacement,Load,Current\nSec,mm,kN,A", scales=(1.0, 1e3, 1e-3, 1.0)),
+        _text("Time,Position,Load,Current\nsec,in,lb,A", scales=(1.0, 1 / 0.0254, 1 / 4.4482216152605, 1.0)),
+        _text("Time [s],Stroke [mm],Rod force [kg],Current [A]", scales=(1.0, 1e3, 1 / 9.80665, 1.0)),
         _text("Time [s]   Stroke [mm]   Force [N]   Current [A]", " ", scales=(1.0, 1e3, 1.0, 1.0)),
         _text("# rig 3, 13 May\n# operator: K.\n" + SELF_DESCRIBING),
         _text("# " + SELF_DESCRIBING),
@@ -68,7 +70,8 @@ def test_self_describing_file_needs_no_map(tmp_path):
     ids=[
         "semicolon", "tab", "blanks", "decimal comma", "tab and decimal comma", "other units",
         "units in brackets",
-        "row of units", "blanks in headers", "comments", "header in a comment", "preamble", "quotes",
+        "row of units", "pounds of force", "kilograms of force",
+        "blanks in headers", "comments", "header in a comment", "preamble", "quotes",
         "byte order mark", "Windows lines", "blank lines at the end",
     ],
 )  # fmt: skip

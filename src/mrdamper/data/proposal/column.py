@@ -22,6 +22,7 @@ from mrdamper.data.words.headers import (
     parse_header,
     raw_signal,
     speaks_of,
+    weight_unit,
     word_and_unit,
 )
 from mrdamper.data.words.labels import ranges_in, rates_in, scales_in
@@ -68,7 +69,7 @@ def header_of(table: Table, name: str) -> Header:
     word, unit = word_and_unit(name)
     if exact is not None and unit and exact[1] != unit:  # "Travel_WA100 [mm]": WA100 is no unit.
         exact = (exact[0], unit) if exact[0] in roles_of_unit(unit) else None
-    stated = table.units.get(name, "")
+    stated = weight_unit(word, table.units.get(name, ""))
     if exact is not None:
         unit = exact[1] if is_unit(exact[1]) or not is_unit(stated) else stated
     unit = unit or (stated if roles_of_unit(stated) else "")

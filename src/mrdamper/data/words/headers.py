@@ -25,6 +25,7 @@ _FORMS_WITH_UNIT = (
 _LAST = re.compile(r"(.+)_([^_]+)")
 _BLANK = re.compile(r"(.+?)\s+([^\s\d]+)")  # "Force N", if N is a unit of force
 _NO_UNITS = frozenset({"in", "kp", "min"})  # A header "in" means input, "kp" a gain, "min" a minimum.
+_WEIGHTS = {"lb": "lbf", "lbs": "lbf", "kg": "kgf", "kgs": "kgf", "кг": "kgf"}
 _NUMBERED = re.compile(r"^(.+_[^\W\d]+)[_ ]\d+$")  # number after the unit: "force_N_2"
 _CHUNKS = re.compile(r"(?:[,;:|.](?:\s+|$)|\t|\s+(?:and|und|et|y)\s+)+")
 _IN = re.compile(r"(.+?)\s+in\s+(\S+)", re.IGNORECASE)
@@ -94,12 +95,19 @@ def word_and_unit(header: str) -> tuple[str, str]:
     for form in (_NOTED, *_FORMS_WITH_UNIT, _LAST, _BLANK):
         match = form.fullmatch(text)
         word, unit = (match[1].strip(), match[2].strip()) if match else ("", "")
+        unit = weight_unit(word, unit)
         is_unit_alone = form in {_NOTED, _BRACKETS} or (len(unit) > 1 and form is not _BLANK)
         if (roles := roles_of_unit(unit)) and (is_unit_alone or _means(word, roles)):
             return word, unit
     if len(text) > 1 and text.lower() not in _NO_UNITS and roles_of_unit(text):  # "millis" has no word.
         return "", text
     return text, ""
+
+
+def weight_unit(word: str, unit: str) -> str:
+    """Return the unit next to a word. The weight lb or kg next to the name of a force is lbf or kgf."""
+    weight = _WEIGHTS.get(unit.strip("[]() .").lower())
+    return weight if weight and _means(word, ["force"]) else unit
 
 
 @lru_cache(maxsize=10_000)  # Documents of a folder are parsed for each of its files.
