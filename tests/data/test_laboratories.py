@@ -627,6 +627,7 @@ def test_contradictory_current_in_name_requires_answer(tmp_path):
         ("t [s];x [mm];Force (V);I [A]", "Force (V): 250 N/V\n", 250.0),
         ("t [s];x [mm];CH3 (V);I [A]", "CH3: 0.25 kN/V\n", 250.0),
         ("t [s];x [mm];CH3 (V);I [A]", "CH3 1 V = 250 N\n", 250.0),
+        ("t [s];x [mm];Channel B (mV);I [A]", "B\tload cell\t250 N/V\n", 0.25),
     ],
 )
 def test_stated_sensor_scale_converts_volts(tmp_path, header, above, gain):

@@ -254,6 +254,8 @@ def scaled_column(role: str, table: Table, headers: Sequence[Header]) -> Column 
         for number, unit in ranges_in(line) if share else scales_in(line):
             if role in roles_of_unit(unit):
                 gain = number * float(to_si(1.0, unit, role))
+                if "voltage" in meant[0].of_unit:  # The column may be in millivolts.
+                    gain *= float(to_si(1.0, meant[0].unit, "voltage"))
                 found.add((meant[0].name, *(("%", gain / 100.0) if share else ("V", gain))))
     if len(found) != 1:
         return None
@@ -262,8 +264,14 @@ def scaled_column(role: str, table: Table, headers: Sequence[Header]) -> Column 
 
 
 def _mentions(line: str, header: Header) -> bool:
-    """Return True if a line contains the name of a column as a separate word."""
+    """Return True if a line contains the name of a column as a separate word.
+
+    In a row of a table, the number or letter of the column is sufficient: ``| A | load cell | 400 N/V |``.
+    """
     word = re.sub(r"\s*[\[(][^\])]*[\])]$", "", header.word.lower())
+    numbered = re.fullmatch(r"[^\W\d_]+[ _]?(\d+|\b[a-z])", word)
+    if numbered and re.match(rf"[\s|*`]*{numbered[1]}[\s*`]*[|\t;]", line.lower()):
+        return True
     at = line.lower().find(word) if word else -1
     after = line[at + len(word) : at + len(word) + 1]
     return at >= 0 and not after.isalnum()
