@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.data.formats.lines.cells import cells_of_lines, number_in
-from mrdamper.data.formats.table import MISSING_MARKS, Layout
+from mrdamper.data.formats.table import Layout, is_missing
 from tests.support.examples import examples
 
 ODD = (
@@ -44,13 +44,13 @@ def test_rows_are_split_at_delimiters(rows, delimiter, decimal, count):
         bad = [
             text
             for text, value in zip(texts, numbers, strict=True)
-            if text and text not in MISSING_MARKS and value is None
+            if text and not is_missing(text) and value is None
         ]
         assert cells.texts == texts
         assert np.array_equal(cells.numbers, np.array(numbers, dtype=float), equal_nan=True)
         assert (cells.bad, cells.filled) == (
             len(bad),
-            sum(bool(text) and text not in MISSING_MARKS for text in texts),
+            sum(not is_missing(text or "") for text in texts),
         )
         assert cells.mostly_text == (len(bad) > 0.5 * cells.filled)
         if bad:
@@ -74,6 +74,7 @@ def test_rows_are_split_at_delimiters(rows, delimiter, decimal, count):
         (".", ".", None),
         ("1_0", ".", None),
         ("NaN", ",", float("nan")),
+        ("-∞", ".", float("-inf")),
     ],
 )
 def test_number_spellings_are_read(cell, decimal, number):

@@ -646,15 +646,17 @@ def spoilt(tmp_path: Path, change: Callable[[list[str]], object]) -> Path:
     return file
 
 
-@pytest.mark.parametrize("mark", ["", "NaN", "---", "#NV", "n/a"])
+@pytest.mark.parametrize("mark", ["", "NaN", "---", "#NV", "#N/D", "n/a", "-∞"])
 def test_few_missing_samples_are_interpolated(tmp_path, mark):
     def change(lines: list[str]) -> None:
         cells = lines[100].split(";")
         lines[100] = ";".join([*cells[:2], mark, cells[3]])
 
     read = read_file(spoilt(tmp_path, change))
+    clipped = [("clipped", "force", pytest.approx(100.0 / len(RUNS[1])))] if mark == "-∞" else []
     assert [(finding.kind, finding.channel, finding.size) for finding in read.findings] == [
-        ("missing_filled", "force", 1.0)
+        ("missing_filled", "force", 1.0),
+        *clipped,
     ]
     (recording,) = read.recordings
     assert recording.force[99] == pytest.approx((RUNS[1].force[98] + RUNS[1].force[100]) / 2, abs=1e-5)

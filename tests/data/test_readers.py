@@ -1,5 +1,7 @@
 """Text files in many notations give the same run. An unreadable file gives a message."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.io import savemat
@@ -185,6 +187,10 @@ def test_sensor_volts_are_not_measured_quantity(tmp_path):
         (_text("time_s,displacement_m,force_N,I"), r"no current or voltage; 'I' may hold it; expected"),
         (_text("time_s,force_N,force_N,current_A"), r"columns 'force_N', 'force_N \(3\)' all hold force"),
         (_text(SELF_DESCRIBING).replace("\n0.5,", "\n0.5x,"), r"line 102: column 'time_s' holds '0.5x'"),
+        (
+            re.sub(r"(?m)^(0\.5(?:05|1|15)?,.*),.*,", r"\1,,", _text(SELF_DESCRIBING)),
+            r"force is nan at sample 100 \(4 such",
+        ),
         (_text(SELF_DESCRIBING) + "2.005,,3.0,0.5\n", r"displacement is nan at sample 401"),
     ],
 )  # fmt: skip

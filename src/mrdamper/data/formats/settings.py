@@ -24,6 +24,10 @@ class ReadingSettings:
     element_count_max: int = 4096  # elements of a list or struct array in which signals are searched
     empty_record_columns_min: int = 3  # A single line with this many names is a header without samples.
 
+    # Missing samples inside a channel are interpolated up to these limits.
+    missing_ratio_max: float = 0.01
+    missing_samples_max: int = 3  # consecutive samples; a longer gap can contain a reversal
+
     # Limits for the texts that are read from a file
     attribute_lines_max: int = 64
     attribute_length_max: int = 200

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,12 +20,11 @@ from mrdamper.errors import InputError, MissingExtraError
 
 SKIPPED = "skipped: "
 """First word of a note in a layout that lists values which cannot be read."""
-MISSING_MARKS = (
-    *("-", "--", "---", "*", "***", "#NV", "#N/A", "#NA"),
-    *("N/A", "n/a", "NA", "null", "NULL", "None", "OVERFLOW", "Overflow", "OVL", "OL", "ERROR", "INVALID"),
-    *("#WERT!", "#VALUE!", "#VALEUR!", "#DIV/0!", "#REF!", "#BEZUG!", "#NAME?", "#NUM!", "#ZAHL!", "#NULL!"),
+# Error values of spreadsheets differ by language: #N/A, #N/D, #VALUE!, #WERT!
+_MISSING = re.compile(
+    r"|-+|\*+|#(?:N[AV]|YOK|[^\W\d]+/\S+|\w+[!?])"
+    r"|(?i:n/?a|n/d|null|none|over(?:flow|range|load)?|ovl|ol|error|invalid|no data)"
 )
-"""Texts that spreadsheets and loggers write into the cell of a missing value."""
 
 Texts = list[str | None]
 
@@ -133,6 +133,11 @@ class Format:
     suffixes: tuple[str, ...]
     recognises: Callable[[bytes], object]
     read: Callable[[Path, FileOptions], Table]
+
+
+def is_missing(cell: str) -> bool:
+    """Return True if a cell is empty, or contains a text of spreadsheets or loggers for a missing value."""
+    return _MISSING.fullmatch(cell) is not None
 
 
 def load_extra(module: str, package: str, what: str) -> Any:  # noqa: ANN401 - a foreign module

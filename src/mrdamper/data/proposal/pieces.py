@@ -1,8 +1,8 @@
 """Pieces: ranges of rows of a table that become runs.
 
 A table is divided where time decreases, where a column of words changes, and at time gaps. Pieces with
-continuous time and equal command are joined. Up to 1 % of missing numbers are interpolated. Each of
-these changes is reported as a finding.
+continuous time and equal command are joined. Few missing numbers are interpolated. Each of these
+changes is reported as a finding.
 """
 
 from __future__ import annotations
@@ -90,20 +90,32 @@ def _continues(before: Piece, after: Piece) -> bool:
 
 
 def _filled(piece: Piece) -> Piece:
-    """Interpolate missing numbers inside a channel, up to 1 % of its samples."""
+    """Interpolate missing numbers inside a channel, up to 1 % of its samples and three in sequence.
+
+    Infinity is a value outside of the range of the recorder and is reported as clipping.
+    """
     channels, findings = {"time": piece.time, **piece.channels}, list(piece.findings)
     for role, values in channels.items():
-        missing = np.flatnonzero(np.isnan(values))
-        count, known = len(missing), np.flatnonzero(~np.isnan(values))
-        if not 0 < count <= 0.01 * len(values) or known[0] > 0 or known[-1] < len(values) - 1:
+        missing, known = (np.flatnonzero(part) for part in (~np.isfinite(values), np.isfinite(values)))
+        count = len(missing)
+        if not 0 < count <= SETTINGS.missing_ratio_max * len(values) or {0, len(values) - 1} & {*missing}:
+            continue
+        longest = int(np.diff(known).max()) - 1
+        if longest > SETTINGS.missing_samples_max:
             continue
         channels[role] = np.interp(np.arange(len(values)), known, values[known])
         first, last = missing[[0, -1]].tolist()
-        found = f"{role} has {count} missing numbers, the first at sample {first}: interpolated"
+        found = f"{role} has {count} missing numbers, the first at sample {first}"
+        found += f" and at most {longest} in sequence: interpolated"
         effect, remedy = "A reversal among them is flattened", "Fill them in the source if it has them"
         begin, end = (finite_or_none(piece.time[k]) for k in (first, last))
         finding = Finding("missing_filled", found, effect, remedy, channel=role, from_s=begin, to_s=end)
         findings.append(replace(finding, size=float(count), unit="samples"))
+        if over := int(np.isinf(values).sum()):
+            found = f"{role} is outside of the range of the recorder (infinite) at {over} samples: clipped"
+            remedy = "Set the range of the recorder larger, and record again"
+            size = 100.0 * over / len(values)
+            findings.append(Finding("clipped", found, effect, remedy, channel=role, size=size, unit="%"))
     return replace(piece, time=channels.pop("time"), channels=channels, findings=tuple(findings))
 
 
@@ -161,7 +173,8 @@ def with_stated_signs(
     motion, force = channels.get("displacement"), channels.get("force")
     if motion is None or force is None or len(motion) != len(force) or -1 not in signs.values():
         return channels, ()
-    power = 1 if np.nansum(force[1:] * np.diff(motion)) > 0.0 else -1
+    work = force[1:] * np.diff(motion)
+    power = 1 if np.sum(work[np.isfinite(work)]) > 0.0 else -1
     of_motion = signs.get("displacement") or power * signs.get("force", 0)
     of_force = signs.get("force") or power * of_motion
     if power * of_motion * of_force < 0:

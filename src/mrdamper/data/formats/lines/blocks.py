@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from mrdamper.data.formats.lines.header import count_numbers, is_comment, split_line
-from mrdamper.data.formats.table import MISSING_MARKS
+from mrdamper.data.formats.table import is_missing
 from mrdamper.data.formats.timestamps import is_time
 
 _WORD = re.compile(r"\W*[^\W\d_]")
@@ -42,7 +42,7 @@ def find_blocks(lines: Sequence[str], first: int, delimiter: str) -> tuple[list[
         cells = split_line(line, delimiter)
         if block is None:
             # The first cell of a later block must be a value.
-            is_value = cells[0] in {"", *MISSING_MARKS} or count_numbers(cells[:1]) > 0 or is_time(cells[0])
+            is_value = is_missing(cells[0]) or count_numbers(cells[:1]) > 0 or is_time(cells[0])
             if not is_comment(line) and count_numbers(cells) >= 2 and (is_value or not blocks):
                 numeric = [k for k, cell in enumerate(cells) if count_numbers([cell])]
                 block, above = Block(number, number + 1, 1, tuple(above)), []
@@ -67,6 +67,6 @@ def _kind_in_block(cells: Sequence[str], numeric: Sequence[int]) -> Literal["row
     """Return whether a line continues a block. ``numeric`` are the cells with numbers in the first row."""
     inside = [cells[k] for k in numeric if k < len(cells)]
     if not count_numbers(inside):
-        are_words = any(cell and cell not in MISSING_MARKS and _WORD.match(cell) for cell in cells)
+        are_words = any(not is_missing(cell) and _WORD.match(cell) for cell in cells)
         return "words" if are_words else "row"
-    return "perhaps words" if inside[0] not in MISSING_MARKS and _WORD.match(inside[0]) else "row"
+    return "perhaps words" if not is_missing(inside[0]) and _WORD.match(inside[0]) else "row"

@@ -10,12 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.table import MISSING_MARKS, Layout, Moment, Texts
+from mrdamper.data.formats.table import Layout, Moment, Texts, is_missing
 from mrdamper.data.formats.timestamps import days_of, moment_of, seconds_of
 
 _AROUND = ' \t"'  # Blanks and quotation marks around a cell are not part of its text.
-_MISSING = frozenset({"", *MISSING_MARKS})
-_NOT_FINITE = re.compile(r"[+-]?(?:inf|infinity|nan)", re.IGNORECASE)
+_NOT_FINITE = re.compile(r"[+-]?(?:∞|inf|infinity|nan)", re.IGNORECASE)
 
 
 def _form(point: str, group: str) -> re.Pattern[str]:
@@ -42,7 +41,7 @@ def number_in(cell: str, decimal: str) -> float | None:
     """
     found = _FORMS["," if decimal == "," else "."].fullmatch(cell)
     if found is None:
-        return float(cell) if _NOT_FINITE.fullmatch(cell) else None
+        return float(cell.replace("∞", "inf")) if _NOT_FINITE.fullmatch(cell) else None
     sign, whole, part, power = found.groups()
     digits = re.sub(r"[^0-9]", "", whole)
     return float(f"{sign}{digits or 0}.{part or 0}e{power or 0}") if digits or part else None
@@ -66,7 +65,7 @@ class Cells:
     def __init__(self, texts: Texts, numbers: Sequence[float | None], lines: Sequence[int]) -> None:
         self.texts, self._lines = texts, lines
         self.numbers: FloatArray = np.array(numbers, dtype=np.float64)  # NaN if a cell is not a number
-        is_filled = [cell is not None and cell not in _MISSING for cell in texts]
+        is_filled = [cell is not None and not is_missing(cell) for cell in texts]
         self._is_wrong = [full and number is None for full, number in zip(is_filled, numbers, strict=True)]
         self.filled, self.bad = sum(is_filled), sum(self._is_wrong)
         self.mostly_text = self.bad > 0.5 * self.filled

@@ -18,7 +18,7 @@ from mrdamper.data.formats.lines.properties import (
     property_of,
 )
 from mrdamper.data.formats.settings import SETTINGS
-from mrdamper.data.formats.table import MISSING_MARKS
+from mrdamper.data.formats.table import is_missing
 from mrdamper.data.formats.timestamps import days_of, is_time
 from mrdamper.data.words.headers import are_all_per_cent, is_per_cent, speaks_of, word_and_unit
 from mrdamper.data.words.labels import CONDITIONS, labels_in, ranges_in, span_in
@@ -123,7 +123,7 @@ def _first_row(lines: Sequence[str], delimiter: str, wanted: int) -> int | None:
 
 def _is_word(cell: str) -> bool | None:
     """Return True for a word, False for a number, None for an empty cell or a mark of a missing value."""
-    if not cell or cell in MISSING_MARKS:
+    if is_missing(cell):
         return None
     return False if is_number(cell) else cell[:1].isalpha() or None
 
