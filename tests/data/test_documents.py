@@ -7,6 +7,7 @@ import json
 import zipfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime, timedelta
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -558,12 +559,12 @@ def long_table(folder: Path) -> None:
     write(folder, "runs.csv", "run,current_A,oil_degC\n" + each("r%(k)s,%(i)s,30\n", range(3)))
 
 
-def wide_table(folder: Path) -> None:
+def wide_table(folder: Path, name: str = "list.csv", head: str = "", row: str = "%(k)s,%(i)s,30\n") -> None:
     """Write one table with a column for the number of the run, and the list of the runs."""
     numbers = [np.full(len(run.time), k) for k, run in enumerate(RUNS, 1)]
     text = "".join(table(number, *columns(run)[:3]) for number, run in zip(numbers, RUNS, strict=True))
     write(folder, "all.csv", "run no,time_s,displacement_mm,force_N\n" + text)
-    write(folder, "list.csv", "run,current_A,oil_degC\n" + each("%(k)s,%(i)s,30\n"))
+    write(folder, name, (head or "run,current_A,oil_degC\n") + each(row))
 
 
 def coded(text: str, names: Iterable[str] = ("MR3-A1", "MR3-B1", "MR3-C2")) -> Writer:
@@ -597,6 +598,24 @@ def packed(suffix: str) -> Writer:
 STORED: dict[str, Writer] = {
     "list_of_runs_in_a_long_table": long_table,
     "list_of_runs_by_number": wide_table,
+    "table_of_runs_in_readme_of_one_file": partial(
+        wide_table,
+        name="README.md",
+        head="All runs on bench 2.\n\n| run | coil current | oil |\n|---|---|---|\n",
+        row="| %(k)s | %(i)s A | 30 °C |\n",
+    ),
+    "temperature_of_all_runs": about(
+        "LEIAME.md", "Óleo a 30 °C em todos os ensaios\n" + each("%(n)s: %(i)s A\n"), BARE
+    ),
+    "entries_of_runs_in_one_line": about(
+        "leeme.txt",
+        "Temperatura: "
+        + each("ensayo %(k)s: 30 °C; ")
+        + "\nCorriente: "
+        + each("ensayo %(k)s = %(i)s A, ")
+        + "\n",
+        BARE,
+    ),
     "letters_in_names": coded("Current: A = 0 A, B = 0.75 A, C = 1.5 A\n1 = sine, 2 = sine"),
     "letters_in_separate_lines": coded(
         "Code of the current:\n - L: 0 A\n - M: 0,75 A\n - H: 1,5 A", ("D_L7", "D_M7", "D_H7")

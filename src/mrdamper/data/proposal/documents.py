@@ -11,6 +11,7 @@ import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 from mrdamper.data.finding import Finding
@@ -32,7 +33,10 @@ from mrdamper.errors import InputError
 from mrdamper.files import MAP_SUFFIX
 from mrdamper.quantities import is_any_unit
 
-_RUN = r"run|test|file|rec|record|versuch|lauf|messung|essai|prueba"
+_RUN = (
+    r"run|test|file|rec|record|versuch|lauf|messung|essai|prueba|ensayo|ensaio|prova|próba|pomiar|zkouška|měření"
+    r"|meting|proef|mätning|körning|mittaus|mérés|încercare|deney|опыт|испытание|замер"
+)
 _SPECIMEN = r"specimen|probe|prüfling|éprouvette|échantillon|provino|muestra|probeta|amostra|próbka|试样|试件"
 _NUMBER_WORDS = re.compile(rf"^$|\b(no|nr|num|number|id|{_RUN})\b|^({_SPECIMEN})\b|#", re.IGNORECASE)
 _NUMBER_IN_LINE = re.compile(  # The number of a run, as in "run 7", but no value, as in "test 2 A".
@@ -44,7 +48,10 @@ _CLOCK_OF_LIST = re.compile(r"(?<![\d:.,])(\d{1,2}:\d{2})(?![\d:.,])")  # time o
 _WHOLE = re.compile(r"\d{1,9}(\.0)?")
 _HEADING = re.compile(r"\s*(\[.*\]|#+ .*|[^:=]*:)\s*")
 _ALL_RUNS = re.compile(
-    r"\b(?:all|every|alle[nr]?|tou(?:te)?s(?: les)?) (?:the )?(?:run|test|file|meas|record|mess|versuch)"
+    r"\b(?:all|every|alle[nr]?|alla|tou(?:te)?s|tod[ao]s|tutt[ei]|wszystki\w*|vše\w*|kaik\w*|minden"
+    r"|összes|toate|tüm|bütün|все\w?)(?: \w{2,3})? "
+    rf"(?:{_RUN}|meas|mess|mesure|prove|prób|zkouš|mittau|încerc|испыт|измер)"
+    r"|(?:全|全部|所有|すべて|各|모든)\s?(?:的|の)?(?:试验|实验|测试|試験|測定|実験|시험|실험|측정)"
     r"|^\W*(?:general|common|global|allgemein)\W*$",
     re.IGNORECASE,
 )
@@ -336,7 +343,7 @@ def _lines_by_file(
     mentions = 0
     in_section = False
     across: list[tuple[Path, ...]] = []  # The files of each column, if the columns of a table are runs.
-    for line in lines:
+    for line in (entry for whole in lines for entry in _entries_of_runs(whole)):
         cells = _cells(line)
         across = known.in_row(cells) or (across if len(cells) == len(across) else [])
         for owners, cell in zip(across, cells, strict=False):
@@ -375,6 +382,14 @@ def _lines_by_file(
         for file in now:
             found.setdefault(file, []).append(with_unit(_strip_name(line, file)))
     return found if 2 * mentions > sum(bool(line.strip()) for line in lines[1:]) or not is_run else {}
+
+
+def _entries_of_runs(line: str) -> list[str]:
+    """Return a line for each run in a line such as ``Temperature: run 1: 20 °C; run 2: 23 °C``."""
+    numbers = _NUMBER_IN_LINE.finditer(line)
+    starts = [each.start() for each in numbers if line[each.end() :].lstrip()[:1] in {":", "="}]
+    entries = [f"{line[: starts[0]]} {line[a:b]}" for a, b in pairwise([*starts, len(line)])]
+    return entries if len(entries) > 1 else [line]
 
 
 def _codes(lines: Sequence[str], files: Sequence[Path]) -> dict[str, tuple[Path, ...]]:

@@ -89,7 +89,7 @@ def runs_in(
         for block in side_by_side(wide, chosen)
         for run in one_force_each(with_run_numbers(block), chosen)
     ]
-    lists = lines_by_title(tables, () if stated else notes) if tables else {}
+    lists = lines_by_title(tables, notes) if tables else {}
     for table, maps in segments_of(tables, chosen, file.name):
         try:
             parts.append(_part_of(table, chosen, maps, file, stated, lists))
