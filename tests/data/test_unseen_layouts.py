@@ -460,6 +460,19 @@ WARM: dict[str, Callable[[Path], None]] = {
             for run in RUNS
         ),
     ),
+    "blocks_with_a_row_for_each_channel": lambda folder: write(
+        folder,
+        "day.txt",
+        "# rows of a block: t [s], x [mm], F [N]\n"
+        + "\n".join(
+            f"# test {k}: coil {run.command[0]} A, oil 30 °C\n"
+            + "".join(
+                "\t".join([name, *(f"{value:.6f}" for value in values)]) + "\n"
+                for name, values in zip("txF", columns(run), strict=False)
+            )
+            for k, run in enumerate(RUNS, 1)
+        ),
+    ),
     "description_of_labview": each(
         lambda run: (
             "LabVIEW Measurement\t\nSeparator\tTab\nDescription\tcoil 4, oil 30 degC\n***End_of_Header***\t\n"

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from itertools import zip_longest
+from itertools import chain, groupby, zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -181,7 +181,10 @@ def _with_joined_signs(text: Text, head: Sequence[str], options: FileOptions) ->
 
 
 def _transposed(text: Text, _head: Sequence[str], options: FileOptions) -> Table | None:
-    """Return the table of a text if each row is a channel (perhaps its name, then samples), else None."""
+    """Return the table of a text if each row is a channel (perhaps its name, then samples), else None.
+
+    Several blocks of such rows, each below its own lines, are the blocks of one text.
+    """
     if len(text.lines) > SETTINGS.table_columns_max:
         return None
     longest = max(text.lines, key=len)
@@ -193,8 +196,11 @@ def _transposed(text: Text, _head: Sequence[str], options: FileOptions) -> Table
     kinds = {(is_number(row[0]), is_number(row[-1])) for row in long}
     if len(long) < 2 or kinds not in ({(True, True)}, {(False, True)}):
         return None
-    above = [row for row in rows if row not in long]
-    return _rearranged(text, above, zip_longest(*long, fillvalue=""), options, "a row for each channel")
+    blocks = (
+        [*(zip_longest(*group, fillvalue="") if is_long else group), []]
+        for is_long, group in groupby(rows, key=lambda row: row in long)
+    )
+    return _rearranged(text, [], chain(*blocks), options, "a row for each channel")
 
 
 def _without_notes_beside(text: Text, head: Sequence[str], options: FileOptions) -> Table | None:

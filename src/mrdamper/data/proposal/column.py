@@ -108,6 +108,7 @@ def explained(table: Table, notes: Sequence[str], chosen: ChannelMap, file: str)
     is_mapped = any(channel.name or channel.pattern for channel in chosen.channels.values())
     legend = [entry for line in notes for entry in legend_in(line)]
     numbered = sorted({(number, f"{word} [{unit}]") for number, word, unit in legend if number is not None})
+    legend += [entry for line in table.said for entry in legend_in(line)]
     count = len(table.names)
     lists = {names for names in _lists_in(notes, file) if len(names) == count}
     if [number for number, _ in numbered] in ([*range(count)], [*range(1, count + 1)]):
