@@ -417,6 +417,13 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
             + table(run.time, 2e3 * run.displacement, run.force / 50, 50 * run.command, sign=";", form="%.9f")
         )
     ),
+    "as_many_entries_as_columns": each(
+        lambda run: (
+            "Origin Time,0.000,s\nEnd Time,3.000,s\nStart Distance,0,m\nEnd Distance,0,m\n"
+            "Current: 100 % = 2 A\n\nTime,Stroke,Load,Current\ns,mm,N,%\n\n"
+            + table(*columns(run)[:3], 50 * run.command)
+        )
+    ),
     "repeated_last_sample": each(
         lambda run: FULL + table(*columns(run)) + table(*(values[-1:] for values in columns(run)))
     ),

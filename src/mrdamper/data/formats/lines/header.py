@@ -20,7 +20,13 @@ from mrdamper.data.formats.lines.properties import (
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import is_missing
 from mrdamper.data.formats.timestamps import days_of, is_time
-from mrdamper.data.words.headers import are_all_per_cent, is_per_cent, speaks_of, word_and_unit
+from mrdamper.data.words.headers import (
+    are_all_per_cent,
+    is_per_cent,
+    speaks_of,
+    unit_in_brackets,
+    word_and_unit,
+)
 from mrdamper.data.words.labels import CONDITIONS, labels_in, ranges_in, span_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, is_any_unit, roles_of_unit
@@ -167,7 +173,8 @@ def _read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     # The rows above complete names state conditions, such as "Current;0.5;A", even if each column has a row.
     units = [(name, word_and_unit(name)[1]) for name in header.names]
     roles = {role for name, unit in units for role in roles_of_unit(unit) if speaks_of(name, role)}
-    is_complete = all(unit for _, unit in units) and roles >= {"displacement", "force"}
+    are_units = all(unit or is_any_unit(unit_in_brackets(name)) for name, unit in units)
+    is_complete = are_units and roles >= {"displacement", "force"}
     if stated is None or (is_complete and not (stated.scales or stated.spans)):
         return header
     return replace(stated, said=statements(lines[:first], delimiter))
