@@ -6,6 +6,7 @@ number requires a unit. Two different numbers are ambiguous, and the ``Label`` c
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -81,6 +82,7 @@ _SCALE_BEFORE = re.compile(
     rf"(?<![^\W_]){_UNIT}(?:/|_per_)(m?V)\W?[\s:=]+({_NUMBER})(?![\w/])"  # "[N/V] 500"
 )
 _SCALE_OF_VOLTS = re.compile(rf"{_NUMBER_HERE}(m?V){_IS}±?{_QUANTITY}(?![\w/])")
+_ZERO_VOLTS = re.compile(rf"(?<![\d.,])0\s*m?V{_IS}[+-]?\s?{_QUANTITY}")
 _SCALE_PER_VOLTS = re.compile(rf"{_QUANTITY}(?:{_PER}|(?!\s*:){_IS})([1-9]\d?)\s*(m?V)(?![\w/])")
 _POINT_OF_SPAN = re.compile(
     rf"(?<![\w.,])([+-]?\s?{_NUMBER})\s*(%|m?V|mA)\s*(?:=|≙|->|→|:)\s*([+-]?\s?{_NUMBER})\s*([°º]?[^\W\d_]{{1,3}}(?:/s)?)(?![\w/])"
@@ -183,13 +185,17 @@ def scales_in(line: str) -> tuple[tuple[float, str], ...]:
     if (span := span_in(line)) is not None and span[2] != 0.0:
         return ()
     line = _VOLTS.sub(lambda match: "mV" if match[1] else "V", line)
+    if (zero := _ZERO_VOLTS.search(line)) and _to_float(zero[1]) != 0.0:
+        return ((math.nan, zero[2]),)  # An offset contradicts every scale.
     stated = [(number, unit, "1", per) for number, unit, per in _SCALE.findall(line)]
     stated += [(number, unit, "1", per) for unit, per, number in _SCALE_BEFORE.findall(line)]
     stated += [(number, unit, volts, per) for volts, per, number, unit in _SCALE_OF_VOLTS.findall(line)]
     stated += _SCALE_PER_VOLTS.findall(line)
     ratios = [(_to_float(number), unit, _to_float(volts), per) for number, unit, volts, per in stated]
     ratios += [(per, raw, number, unit) for number, unit, per, raw in ratios if raw not in {"V", "s"}]
-    return tuple((a / b * _PER_VOLT[raw], unit) for a, unit, b, raw in ratios if raw in _PER_VOLT and b > 0.0)
+    return tuple(
+        (a / b * _PER_VOLT[raw], unit) for a, unit, b, raw in ratios if raw in _PER_VOLT and a * b > 0.0
+    )
 
 
 def span_in(line: str) -> tuple[str, float, float, str, str] | None:
