@@ -185,21 +185,22 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
     sampled = {path for path in texts if any(holds_samples(texts[path], sign) for sign in DELIMITERS)}
     found = []
     for path, lines in texts.items():
-        siblings = [file for file in files if file.parent == path.parent and file != path]
-        below = [file for file in files if path.parent in file.parents and file != path]
+        is_run = path in files and path.suffix.lower() not in NOTATIONS
+        is_run |= path in sampled and path.suffix in suffixes
+        is_list = bool(lines) and not (is_run and _is_long_table(lines))
+        others = [file for file in files if file != path] if is_list else []
+        siblings = [file for file in others if file.parent == path.parent]
+        below = [file for file in others if path.parent in file.parents]
         # A short text without samples is no run. Runs that the user did not choose are counted as well.
         runs = [
             file
-            for file in texts
+            for file in (() if is_run else texts)
             if path.parent in file.parents and file != path and file.suffix in suffixes
             if file in sampled or not texts[file] or file.suffix.lower() in GENERIC_SUFFIXES
         ]
-        is_run = path in files and path.suffix.lower() not in NOTATIONS
-        is_run |= path in sampled and path.suffix in suffixes
         owners = () if is_run else _owners(path, lines, siblings, runs if {*runs} <= {*files} else ())
         stating: Mapping[Path, tuple[str, ...]] = {}
-        is_list = bool(lines) and not (is_run and _is_long_table(lines))
-        for group in (siblings, below) if is_list else ():
+        for group in (siblings, below):
             if group and not stating:
                 stating = _stating(_matrix_lines(path, lines, group))
                 stating = stating or _stating(_lines_by_file(path, lines, group, is_run=is_run))
