@@ -469,7 +469,7 @@ def _strip_name(line: str, file: Path) -> str:
 
 def _cells(line: str) -> list[str]:
     """Return the cells of a row, split at tabs, else at the sign that gives most cells, else at blanks."""
-    apart = re.split(r"\s{2,}", line.strip())
+    apart = re.split(r"\s{2,}|\u3000", line.strip())
     # Commas are in numbers or in a remark of several words.
     if len(apart) > 1 + (", " in line) and not re.search(r"[\t;|]|(?<!\d),(?! \w)|,(?!\d| \w)", line):
         return apart
