@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mrdamper.data.channels import Channel, ChannelMap
+from mrdamper.data.channels import Channel, ChannelMap, Segments
 from mrdamper.data.words.headers import parse_header
 from mrdamper.errors import InputError
 
@@ -78,7 +78,7 @@ def test_complete_channel_map_is_read():
         temperature_degC = 25
         [segments]
         split = "Resume"
-        current_mA = [0, 250]
+        current_A = [0, 0.25]
         [session]
         name = "13 May"
     """
@@ -87,10 +87,7 @@ def test_complete_channel_map_is_read():
     found = ChannelMap.from_dict(tomllib.loads(text))
     assert found.channels["force"] == Channel("force", name="CHANNEL1", unit="V", gain=980.665)
     assert found.constant == pytest.approx({"voltage": 3.212, "temperature": 298.15})
-    assert found.segments is not None
-    assert found.segments.split == "Resume"
-    assert found.segments.role == "current"
-    assert found.segments.commands == pytest.approx((0.0, 0.25))
+    assert found.segments == Segments(split="Resume", current_A=(0.0, 0.25))
     assert found.session == "13 May"
 
 
@@ -110,7 +107,7 @@ def test_complete_channel_map_is_read():
         ({"constant": {"voltage": 3.2}}, "constant has no key 'voltage'; did you mean voltage_V"),
         (
             {"segments": {"split": "Resume"}},
-            "segments: no command; expected one list, current_A or voltage_V",
+            "segments: the tests of the file are not defined; expected .* one list, current_A or voltage_V",
         ),
     ],
 )

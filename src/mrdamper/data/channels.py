@@ -105,13 +105,25 @@ class Channel(ChannelTable):
         return values if self.sign == 1 and self.offset == 0.0 else self.sign * (values + self.offset)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Segments:
-    """Several tests in one file: a test begins at each row in which a text column contains ``split``."""
+    """Several tests in one file, with either the current or the voltage of each test."""
 
     split: str
-    role: str  # current or voltage
-    commands: tuple[float, ...]  # Command of each segment [A or V].
+    """A test begins at each row in which a text column contains this text."""
+    current_A: tuple[float, ...] = ()
+    voltage_V: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.split or bool(self.current_A) == bool(self.voltage_V):
+            expected = "split (a text), and one list, current_A or voltage_V"
+            raise InputError("the tests of the file are not defined", expected=expected)
+
+    @property
+    def constants(self) -> list[dict[str, float]]:
+        """Return the command of each test by its role [A or V]."""
+        currents = [{"current": value} for value in self.current_A]
+        return currents or [{"voltage": value} for value in self.voltage_V]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,8 +139,7 @@ class _Document:
     channel: Mapping[str, ChannelTable] = field(default_factory=dict)
     constant: Mapping[str, float] = field(default_factory=dict)
     """Constant values. A key is a quantity with its unit (``current_A``), or ``rate_Hz``."""
-    segments: Mapping[str, str | tuple[float, ...]] | None = None
-    """The keys are ``split`` (a text), and ``current_A`` or ``voltage_V`` (a list)."""
+    segments: Segments | None = None
     session: _Session = field(default_factory=_Session)
     file: FileOptions = field(default_factory=FileOptions)
 
@@ -157,13 +168,10 @@ class ChannelMap:
             if rate is not None and not rate > 0.0:
                 raise InputError(f"constant.rate_Hz is {rate:g}", expected="a positive number")
             channels = {role: Channel(role, **asdict(table)) for role, table in document.channel.items()}
-            roles = (*COMMANDS, "temperature")
-            values = (_in_si(key, value, "constant", roles) for key, value in constant.items())
-            held = {role: float(value) for role, value in values}
-            segments = None if document.segments is None else _segments(document.segments)
+            held = dict(_in_si(key, value) for key, value in constant.items())
         except InputError as error:
             raise error.prepend_place(place) from None
-        own = MappingProxyType(channels), MappingProxyType(held), rate, segments
+        own = MappingProxyType(channels), MappingProxyType(held), rate, document.segments
         return cls(*own, document.session.name, document.file)
 
     def channel(self, role: str) -> Channel:
@@ -176,27 +184,14 @@ def read_channel_map(path: str | Path) -> ChannelMap:
     return ChannelMap.from_dict(read_toml(path, "channel map"), Path(path).name)
 
 
-def _in_si(key: str, values: Any, table: str, roles: Sequence[str]) -> tuple[str, FloatArray]:  # noqa: ANN401
-    """Return the role of a key such as ``voltage_V``, and its numbers in SI."""
+def _in_si(key: str, value: float) -> tuple[str, float]:
+    """Return the role of a constant such as ``voltage_V``, and its value in SI."""
     role, _, unit = key.partition("_")
+    roles = (*COMMANDS, "temperature")
     if role not in roles or not unit:
         known = [f"{role}_{QUANTITIES[role].unit}" for role in roles]
-        raise unknown_name(f"{table} has no key {key!r}", key, known)
+        raise unknown_name(f"constant has no key {key!r}", key, known)
     try:
-        return role, to_si(values, unit, role)
+        return role, float(to_si(value, unit, role))
     except InputError as error:
-        raise error.prepend_place(f"{table}.{key}") from None
-
-
-def _segments(table: Mapping[str, str | tuple[float, ...]]) -> Segments:
-    split = table.get("split")
-    if not isinstance(split, str) or not split:
-        raise InputError(
-            f"segments.split is {split!r}", expected="the text that begins a new test ('Resume')"
-        )
-    commands = {key: values for key, values in table.items() if key != "split"}
-    if len(commands) != 1 or not all(values and isinstance(values, tuple) for values in commands.values()):
-        found = ", ".join(commands) or "no command"
-        raise InputError(place="segments", found=found, expected="one list, current_A or voltage_V")
-    role, numbers = _in_si(*commands.popitem(), "segments", COMMANDS)
-    return Segments(split, role, tuple(numbers.tolist()))
+        raise error.prepend_place(f"constant.{key}") from None

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from mrdamper.data.channels import Channel, ChannelMap, Segments
+from mrdamper.data.channels import Channel, ChannelMap
 from mrdamper.data.finding import Inference
 from mrdamper.data.proposal.recordings import RigFile
 from mrdamper.data.readers import ReadFiles
@@ -74,12 +74,8 @@ def _common_tables(files: ReadFiles, comments: list[str]) -> dict[str, dict[str,
     return shared
 
 
-def _segments(given: Segments | None) -> dict[str, Any]:
-    return {} if given is None else {"split": given.split, _KEYS[given.role]: [*given.commands]}
-
-
 _TABLES: Mapping[str, Callable[[ChannelMap], dict[str, Any]]] = {
-    "segments": lambda chosen: _segments(chosen.segments),
+    "segments": lambda chosen: {} if chosen.segments is None else write_record(chosen.segments),
     "session": lambda chosen: {"name": chosen.session} if chosen.session else {},
     "file": lambda chosen: write_record(chosen.file),
 }

@@ -167,12 +167,11 @@ def segments_of(
         columns = table.texts.values()
         begins = {row for texts in columns for row, text in enumerate(texts) if split in (text or "")}
         starts.append(sorted({0, *begins}))
-    count = sum(map(len, starts))
-    if count != len(segments.commands):
-        found = f"{split!r} splits the file into {count} tests, [segments] has {len(segments.commands)}"
+    count, constants = sum(map(len, starts)), segments.constants
+    if count != len(constants):
+        found = f"{split!r} splits the file into {count} tests, [segments] has {len(constants)}"
         raise InputError(place=place, found=found, remedy="Check the events and the list")
-    constants = ({**chosen.constant, segments.role: command} for command in segments.commands)
-    maps = (replace(chosen, segments=None, constant=each) for each in constants)
+    maps = (replace(chosen, segments=None, constant={**chosen.constant, **each}) for each in constants)
     return [(table, {row: next(maps) for row in rows}) for table, rows in zip(tables, starts, strict=True)]
 
 
