@@ -66,9 +66,7 @@ class CycleFigures:
     @classmethod
     def concatenate(cls, parts: Sequence[CycleFigures]) -> CycleFigures:
         """Return one object with the cycles of all parts, in order."""
-        kinds = {"row": np.int64, "samples": np.int64}
-        none = {f.name: np.empty(0, kinds.get(f.name, np.float64)) for f in fields(cls)}
-        return cls(**{n: np.concatenate([e, *(getattr(part, n) for part in parts)]) for n, e in none.items()})
+        return cls(**{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)})
 
 
 class CountedRecord(NamedTuple):
@@ -105,7 +103,7 @@ def count_record(run: Recording, stroke_min_m: float | None = None) -> CountedRe
     parts, segments = [], _unbroken_segments(run)
     warm = np.full(len(run), math.nan) if run.temperature is None else run.temperature
     channels = (run.time, run.displacement, run.force, run.command, warm)
-    for first, stop in segments:
+    for first, stop in segments or [(0, 0)]:
         found = _count([values[first:stop] for values in channels], stroke_min_m)
         parts.append(replace(found, row=found.row + first))
     return CountedRecord(CycleFigures.concatenate(parts), stroke_min_m, max(len(segments) - 1, 0))
@@ -138,9 +136,7 @@ def _count(channels: Sequence[FloatArray], stroke_min_m: float) -> CycleFigures:
     if len(turns) > 1 and x[turns[0]] > x[turns[1]]:
         turns = turns[1:]
     a, u, b = turns[0:-2:2], turns[1:-1:2], turns[2::2]
-    if not len(b):
-        return CycleFigures.concatenate([])
-    n, stop = b - a, b[-1]
+    n, stop = b - a, b.max(initial=0)
 
     def sums(values: FloatArray) -> FloatArray:
         return np.add.reduceat(values[:stop], a)

@@ -129,19 +129,16 @@ def find_implausible_damper(runs: Sequence[Recording]) -> Iterator[Finding]:
     stroke = max(float(np.ptp(run.displacement)) for run in runs)
     peak_min, peak_max = SETTINGS.peak_force_range_N
     peak_min = SETTINGS.peak_force_min_at_1A_N if current >= 1.0 else peak_min
-    for channel, value, low, high, unit, hint in (
-        ("force", peak, peak_min, peak_max, "N", "kgf, lbf or kN read as N, N read as kN"),
-        ("displacement", stroke, *SETTINGS.stroke_range_m, "m", _DECLARED["stroke"].hint),
-        ("current", current, *SETTINGS.peak_current_range_A, "A", _AMPERES),
+    buildings = ", those of buildings up to 150 kN"
+    for channel, value, low, high, unit, note, hint in (
+        ("force", peak, peak_min, peak_max, "N", buildings, "kgf, lbf or kN read as N, N read as kN"),
+        ("displacement", stroke, *SETTINGS.stroke_range_m, "m", "", _DECLARED["stroke"].hint),
+        ("current", current, *SETTINGS.peak_current_range_A, "A", "", _AMPERES),
     ):
         if low <= value <= high or value == 0.0:  # Without a coil current, the command is a voltage or zero.
             continue
-        found = (
-            f"the largest {channel} of all runs is {value:.3g} {unit}; published magnetorheological dampers "
-            f"have {low:.3g} to {high:.3g} {unit}"
-        )
-        if channel == "force":
-            found += ", those of buildings up to 150 kN"
+        found = f"the largest {channel} of all runs is {value:.3g} {unit}; published magnetorheological "
+        found += f"dampers have {low:.3g} to {high:.3g} {unit}{note}"
         effect = "A wrong unit makes all coefficients wrong by its factor, but the fit looks as good"
         remedy = f"Compare the unit with the data sheet ({hint}?); nothing was changed"
         unusual = Finding("implausible_damper", found, effect, remedy, channel=channel, size=value, unit=unit)

@@ -62,9 +62,9 @@ def _diagnose_valid_record(recording: records.Recording, prepared: PreparedRun |
 
 def _fault_findings(error: InputError) -> list[Finding]:
     """Return one finding for each fault in the error of a rejected run."""
-    faults = error.faults or (error,)
-    words = [f"{each.found}; expected {each.expected}" if each.expected else each.found for each in faults]
-    return [
-        Finding("refused", found, "The run is refused", fault.remedy, severity="fault")
-        for found, fault in zip(words, faults, strict=True)
-    ]
+    faults = {
+        f"{each.found}; expected {each.expected}" if each.expected else each.found: each.remedy
+        for each in error.faults or (error,)
+    }
+    effect = "The run is refused"
+    return [Finding("refused", found, effect, fix, severity="fault") for found, fix in faults.items()]

@@ -95,10 +95,9 @@ def _runs_of(channels: Sequence[_ChannelFile]) -> dict[str, list[_ChannelFile]]:
     """
     names = {channel.path: _TOKEN.findall(channel.path.stem) for channel in channels}
     counts = range(1, max(map(len, names.values())))
+    parts = [*(slice(k) for k in counts), *(slice(-k, None) for k in counts), slice(0)]
     ways = [{path: strip_channel(path.stem) for path in names}]
-    ways += [{path: "".join(words[:k]) for path, words in names.items()} for k in counts]
-    ways += [{path: "".join(words[-k:]).lstrip("_-. ") for path, words in names.items()} for k in counts]
-    ways += [dict.fromkeys(names, "")]
+    ways += [{path: "".join(words[part]).lstrip("_-. ") for path, words in names.items()} for part in parts]
     best: dict[str, list[_ChannelFile]] = {}
     for way in ways:
         groups: dict[str, list[_ChannelFile]] = {}
@@ -106,9 +105,7 @@ def _runs_of(channels: Sequence[_ChannelFile]) -> dict[str, list[_ChannelFile]]:
             groups.setdefault(way[channel.path], []).append(channel)
         roles = {run: [each.role for each in group] for run, group in groups.items()}
         whole = [run for run, own in roles.items() if len({*own}) == len(own) and {*own} >= _NEEDED]
-        runs = {run: groups[run] for run in whole}
-        if sum(map(len, runs.values())) > sum(map(len, best.values())):
-            best = runs
+        best = max(best, {run: groups[run] for run in whole}, key=lambda runs: sum(map(len, runs.values())))
     return best
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,7 +32,7 @@ class Piece:
     findings: tuple[Finding, ...] = ()
     start: Moment | None = None  # Moment of time zero.
     command_unit: CommandUnit = "A"
-    told: tuple[tuple[str, float, str], ...] = field(default=())  # (role, value [SI], source) from words
+    told: tuple[tuple[str, float, str], ...] = ()  # (role, value [SI], source) from words
 
     def part(self, rows: slice) -> Piece:
         """Return the piece of a range of rows."""

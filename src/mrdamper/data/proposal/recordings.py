@@ -174,28 +174,26 @@ def _part_of(
     reversed_by_map = any(channel.sign < 0 for channel in chosen.channels.values())
     channels, remarks = with_stated_signs(channels, {} if reversed_by_map else signs_in(table.said))
     role = command_role(columns, chosen, place)
-    measured = channels.pop(role) if role in channels else None
-    for other in COMMAND_UNITS:
-        channels.pop(other, None)
+    measured = channels.get(role)
     edges, titles = ([*maps, len(time)], {}) if maps else run_edges(time, table.texts)
     pieces = []
     for number, (first, last) in enumerate(itertools.pairwise(edges)):
         title = next((titles[k] for k in sorted(titles, reverse=True) if k <= first), table.title)
         said = (*table.said, *lists.get(title, ()))
         values = measured[first:last] if measured is not None else None
+        texts, own = (*places_of(title, said, file), *stated), maps.get(first, chosen)
+        role, command, told = command_of(role, values, last - first, table, own, texts, place)
+        others = {name: each[first:last] for name, each in channels.items() if name not in COMMAND_UNITS}
         piece = Piece(
             time=time[first:last],
-            channels={name: each[first:last] for name, each in channels.items()},
+            channels={**others, "command": command},
             title=title,
             findings=() if number else findings,
             start=start_of(table, float(time[0]), file, [each.text for each in stated]),
+            command_unit=COMMAND_UNITS[role],
+            told=told,
         )
-        place_texts = (*places_of(title, said, file), *stated)
-        own = maps.get(first, chosen)
-        role, values, told = command_of(role, values, len(piece.time), table, own, place_texts, place)
-        now = {**piece.channels, "command": values}
-        piece = replace(piece, channels=now, told=told, command_unit=COMMAND_UNITS[role])
-        pieces.append(with_temperature(piece, chosen, place_texts))
+        pieces.append(with_temperature(piece, chosen, texts))
     notes = [f"{', '.join(interpolated)} interpolated to the fastest clock"] if interpolated else []
     skipped = skipped_columns(table, columns, chosen)
     return pieces, columns, [*notes, *remarks, *([f"not used: {', '.join(skipped)}"] if skipped else [])]
@@ -247,9 +245,6 @@ def _make_recordings(
         parts = list(repaired_parts(replace(piece, time=piece.time - zero)))
         for number, part in enumerate(parts, 1):
             run = f"{name}_{number}" if len(parts) > 1 else name
-            for values in (part.time, *part.channels.values()):
-                if values.base is None:
-                    values.setflags(write=False)  # The recording shares the array.
             fields: dict[str, Any] = {role: part.channels.get(role) for role in CHANNELS if role != "time"}
             fields |= {"session": chosen.session or stem, "source": printable(str(file))}
             recordings.append(Recording(run, part.time, command_unit=part.command_unit, **fields))
