@@ -63,12 +63,14 @@ def find_against_names(runs: Sequence[Recording]) -> Iterator[Finding]:
     for run in runs:
         for quantity, found in _values_of(run).items():
             declared, known = _number_in_names(run, quantity), _DECLARED[quantity]
-            if declared is None or _agrees(quantity, declared, found):
+            if declared is None:
+                continue
+            allowed = max(known.relative_tolerance * declared, known.tolerance)
+            factors = (1.0, 2.0) if quantity == "stroke" else (1.0,)  # The name may state an amplitude.
+            if any(abs(found - factor * declared) <= factor * allowed for factor in factors):
                 continue
             kind = "command" if quantity in {"current", "voltage"} else quantity
-            words = (
-                f"the name declares {declared:g} {known.unit}, and the signals have {found:.4g} {known.unit}"
-            )
+            words = f"the name declares {declared:g} {known.unit}, the signals have {found:.4g} {known.unit}"
             effect = "The card would hold for another operating point than the test's, or in another unit"
             remedy = f"Check unit and scale of the channel ({known.hint}), or the name"
             size = found / declared if declared else found
@@ -99,17 +101,14 @@ def find_odd_siblings(runs: Sequence[Recording]) -> Iterator[Finding]:
             deviation_min = max(known.deviation_min, 5.0 * scatter, 2.5 * float(np.max(apart)))
             if abs(ratio - 1.0) < deviation_min or scatter > known.scatter_max:
                 continue
-            size, error = 1.0 / ratio if quantity == "frequency" else ratio, max(scatter, 1e-3)
+            size = 1.0 / ratio if quantity == "frequency" else ratio
             unit, channel = _DECLARED[quantity].unit, _DECLARED[quantity].channel
-            found = (
-                f"its {quantity} is {mine:.4g} {unit}, and that of {len(others)} other runs of "
-                f"this motion {middle:.4g} {unit}: {channel} times {size:.3f}"
-            )
+            found = f"its {quantity} is {mine:.4g} {unit}, and that of {len(others)} other runs of this "
+            found += f"motion {middle:.4g} {unit}: {channel} times {size:.3f}"
             effect = f"Velocities of this run are off by {percent(abs(ratio - 1.0))}, viscosity with them"
-            remedy = f"Check the {known.suspect} of this file against the others; "
-            remedy += "until it is known leave the run out"
+            remedy = f"Check the {known.suspect} of this file, or leave the run out"
             odd = Finding(known.kind, found, effect, remedy, channel=channel, size=size, run=run.name)
-            yield odd.add_interval(error)
+            yield odd.add_interval(max(scatter, 1e-3))
 
 
 def find_implausible_damper(runs: Sequence[Recording]) -> Iterator[Finding]:
@@ -123,8 +122,7 @@ def find_implausible_damper(runs: Sequence[Recording]) -> Iterator[Finding]:
     """
     if not runs:
         return
-    amperes = [float(np.abs(run.command).max()) for run in runs if run.command_unit == "A"]
-    current = max(amperes, default=0.0)
+    current = max((float(np.abs(run.command).max()) for run in runs if run.command_unit == "A"), default=0.0)
     peak = max(float(np.ptp(run.force)) / 2.0 for run in runs)
     stroke = max(float(np.ptp(run.displacement)) for run in runs)
     peak_min, peak_max = SETTINGS.peak_force_range_N
@@ -155,12 +153,6 @@ def _number_in_names(run: Recording, quantity: str) -> float | None:
     stated = (re.findall(form, text) for text in (run.name, source.stem, source.parent.name))
     numbers = {float(re.sub("[p,]", ".", each)) for each in next(filter(None, stated), ())}
     return numbers.pop() if len(numbers) == 1 else None
-
-
-def _agrees(quantity: str, declared: float, found: float) -> bool:
-    allowed = max(_DECLARED[quantity].relative_tolerance * declared, _DECLARED[quantity].tolerance)
-    meant = (1.0, 2.0) if quantity == "stroke" else (1.0,)  # The name may state an amplitude.
-    return any(abs(found - times * declared) <= times * allowed for times in meant)
 
 
 def _values_of(run: Recording) -> dict[str, float]:

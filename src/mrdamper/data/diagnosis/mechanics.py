@@ -25,15 +25,11 @@ def find_wrong_sign(prepared: PreparedRun) -> Finding:
     """
     velocity = prepared.trajectory.velocity[prepared.scored_from :]
     correlation = -float(np.corrcoef(prepared.force[prepared.scored_from :], velocity)[0, 1])
-    found = (
-        f"force and velocity have opposite signs (correlation {correlation:.2f}), as if the damper gave "
-        "power: the force or the displacement is reversed"
-    )
+    found = f"force and velocity have opposite signs (correlation {correlation:.2f}), as if the damper gave "
+    found += "power: the force or the displacement is reversed"
     effect = "Every coefficient would come out negative, and the run is refused"
-    remedy = (
-        "Put sign = -1 at [channel.force] in the channel map, or use mrdamper fit --flip-force; where "
-        "extension counts negative, at [channel.displacement]"
-    )
+    remedy = "Put sign = -1 at [channel.force] in the channel map, or use mrdamper fit --flip-force; "
+    remedy += "where extension counts negative, at [channel.displacement]"
     return Finding("force_sign", found, effect, remedy, severity="fault", channel="force", size=correlation)
 
 
@@ -52,11 +48,9 @@ def find_force_offset(prepared: PreparedRun) -> Iterator[Finding]:
     share = percent(abs(offset) / spread)
     found = f"force has an offset of {offset:+.4g} N ({share} of its standard deviation)"
     effect = "A law without an offset keeps it as an error, and fits a part of it as asymmetry"
-    remedy = (
-        "Zero the load cell. Keep the offset if its cause is a gas preload (fit a law with an offset) or a "
-        "damper that is stronger in one direction (the offset grows with the force; fit the asymmetries of "
-        "chain)"
-    )
+    remedy = "Zero the load cell. Keep the offset if its cause is a gas preload (fit a law with an offset) "
+    remedy += "or a damper that is stronger in one direction (the offset grows with the force; fit the "
+    remedy += "asymmetries of chain)"
     found_offset = Finding("force_offset", found, effect, remedy, channel="force", size=offset, unit="N")
     yield found_offset if abs(offset) > 2.0 * limit else replace(found_offset, severity="note")
 
@@ -112,10 +106,8 @@ def find_force_lag(prepared: PreparedRun) -> Iterator[Finding]:
         remedy += " and shift one; a mass between load cell and damper does the same at high frequency"
     else:
         remedy += "; if there is none, the damper is elastic"
-    found = (
-        f"force comes {1e3 * abs(lag):.3g} ms {'before' if early else 'after'} the velocity "
-        f"({percent(abs(lag) / period)} of the period)"
-    )
+    found = f"force comes {1e3 * abs(lag):.3g} ms {'before' if early else 'after'} the velocity "
+    found += f"({percent(abs(lag) / period)} of the period)"
     kind = "force_early" if early else "force_late"
     yield Finding(kind, found, effect, remedy, channel="force", size=lag, unit="s")
 
@@ -123,16 +115,13 @@ def find_force_lag(prepared: PreparedRun) -> Iterator[Finding]:
 def _static_force(prepared: PreparedRun) -> float | None:
     """Return the static force [N], None if the run has no whole cycle.
 
-    The static force of a periodic motion is the mean force over whole cycles. For other motions, the force is
-    fitted as a + b sign(v) + c v + d (x - mean of x), and a is the static force.
+    The force over whole cycles is fitted as a + b sign(v) + c v + d (x - mean of x). The static force is a.
     """
     whole = cycles(prepared)
     if not len(whole):
         return None
     kept = slice(whole.row[0], whole.end[-1])
     force, velocity = prepared.force[kept], prepared.trajectory.velocity[kept]
-    if prepared.period_s is not None:
-        return float(np.mean(force))
     x = prepared.trajectory.displacement[kept]
     terms = np.column_stack([np.ones_like(x), np.sign(velocity), velocity, x - x.mean()])
     return float(np.linalg.lstsq(terms, force, rcond=None)[0][0])

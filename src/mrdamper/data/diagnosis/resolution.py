@@ -84,10 +84,8 @@ def find_interference(prepared: PreparedRun) -> Iterator[Finding]:
     is_weak = amplitude < SETTINGS.line_force_ratio_min * spread
     if is_weak or line < SETTINGS.line_power_ratio_min * power.sum():
         return
-    found = (
-        f"the force has a line of {amplitude:.3g} N rms at {harmonic[top] / prepared.period_s:.3g} Hz, no "
-        f"multiple of the motion's {1.0 / prepared.period_s:.3g} Hz"
-    )
+    found = f"the force has a line of {amplitude:.3g} N rms at {harmonic[top] / prepared.period_s:.3g} Hz, "
+    found += f"no multiple of the motion's {1.0 / prepared.period_s:.3g} Hz"
     effect = f"No model of the damper has an error below {percent(amplitude / spread)} on this run"
     remedy = "Look for mains or a converter nearby, or its alias: sample faster, or filter before sampling"
     yield Finding("interference", found, effect, remedy, channel="force", size=amplitude, unit="N")

@@ -40,10 +40,8 @@ def find_clipping(recording: Recording) -> Iterator[Finding]:
                 continue
             count = int(np.count_nonzero(at_top))
             share = count / len(values)
-            found = (
-                f"{role} stays at its {side} end of {values[segments[0][0]]:.5g} {QUANTITIES[role].unit} for "
-                f"{count} samples ({percent(share)}) in {len(segments)} segments: clipped"
-            )
+            found = f"{role} stays at its {side} end of {values[segments[0][0]]:.5g} {QUANTITIES[role].unit} "
+            found += f"for {count} samples ({percent(share)}) in {len(segments)} segments: clipped"
             effect = "Velocity is zero where the damper moves, and the law is driven wrongly"
             if role == "force":
                 effect = "Peak forces, viscosity and yield force come out too small"
@@ -58,11 +56,11 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
     x, force = recording.displacement, recording.force
     for role, values, other in (("force", force, x), ("displacement", x, force)):
         segments = sorted(true_segments(np.append(np.diff(values) == 0.0, False)), key=lambda s: s[0] - s[1])
-        least, steps = _stuck_length(segments), _steps(values)
+        steps = _steps(values)
         near = SETTINGS.stuck_level_max_steps * _coarse_step(values)[0]
         moved = float(np.ptp(other))
         for a, b in segments:
-            if b - a < least:
+            if b - a < SETTINGS.stuck_steps_min:
                 break
             if max(steps[a], steps[b + 1]) <= near:
                 continue  # A slow signal stays within one step of the converter.
@@ -71,10 +69,8 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
             if np.ptp(other[a : b + 1]) < share * moved:
                 continue
             from_s, to_s = recording.time[[a, b]].tolist()
-            found = (
-                f"{role} keeps {values[a]:.5g} {QUANTITIES[role].unit} from {from_s:.4g} s to {to_s:.4g} s "
-                "while the other channel goes on: a stuck sensor or a lost connection"
-            )
+            found = f"{role} keeps {values[a]:.5g} {QUANTITIES[role].unit} from {from_s:.4g} s to {to_s:.4g} "
+            found += "s while the other channel goes on: a stuck sensor or a lost connection"
             effect = "The loop has a segment that no law can follow, and all coefficients become biased"
             remedy = "Cut the run before that place (from_s, to_s of the preparation), or record it again"
             stuck = Finding("stuck_sensor", found, effect, remedy, severity="fault", channel=role)
@@ -114,10 +110,8 @@ def find_spikes(recording: Recording) -> Iterator[Finding]:
             continue
         worst = int(bad[np.argmax(away[bad - 1])])
         size, unit = float(away[worst - 1]), QUANTITIES[role].unit
-        found = (
-            f"{role} has {len(bad)} spike{'s' if len(bad) > 1 else ''}, the largest of {size:.3g} {unit} at "
-            f"{recording.time[worst]:.4g} s"
-        )
+        found = f"{role} has {len(bad)} spike{'s' if len(bad) > 1 else ''}, the largest of {size:.3g} {unit} "
+        found += f"at {recording.time[worst]:.4g} s"
         effect = "Squared errors give a spike far more weight than a valid sample"
         remedy = "Cut the samples out, and look for a loose plug or a switching device nearby"
         spikes = Finding("spikes", found, effect, remedy, channel=role, size=size, unit=unit)
@@ -132,10 +126,8 @@ def find_lost_samples(recording: Recording) -> Iterator[Finding]:
     if len(lost):
         missing = float(np.sum(np.round(steps[lost] / usual) - 1.0))
         share = missing / len(recording)
-        found = (
-            f"about {missing:.0f} samples are missing at {len(lost)} places ({percent(share)}), the first "
-            f"after sample {lost[0]}"
-        )
+        found = f"about {missing:.0f} samples are missing at {len(lost)} places ({percent(share)}), the "
+        found += f"first after sample {lost[0]}"
         effect = "They are filled in by interpolation, which flattens the force at reversals"
         remedy = "Check the load of the recording computer; record again if there are many such places"
         gaps = Finding("lost_samples", found, effect, remedy, channel="time", size=missing, unit="samples")
@@ -166,11 +158,9 @@ def find_phase_jumps(recording: Recording) -> Iterator[Finding]:
         return
     lost = np.abs(away[places]) / np.maximum(np.abs(near[places - 2]), 0.3 * usual)
     samples = float(np.sum(np.round(lost)))
-    found = (
-        f"the displacement jumps at {len(places)} place{'s' if len(places) > 1 else ''} where time goes on "
-        f"evenly, the first at {recording.time[places[0]]:.4g} s: about {samples:.0f} samples are lost or "
-        "doubled"
-    )
+    found = f"the displacement jumps at {len(places)} place{'s' if len(places) > 1 else ''} where time goes "
+    found += f"on evenly, the first at {recording.time[places[0]]:.4g} s: about {samples:.0f} samples are "
+    found += "lost or doubled"
     effect = "Velocity there is wrong, and all later samples are shifted in time"
     remedy = "Check the load of the recording computer and its buffers; cut the run at these places"
     jumps = Finding("phase_jumps", found, effect, remedy, channel="time", size=samples, unit="samples")
@@ -210,14 +200,3 @@ def _has_slope(values: FloatArray, a: int, b: int) -> bool:
     """Return True if the signal changes just before row ``a`` or just after row ``b - 1``."""
     steps = _steps(values)
     return a > 0 and b < len(values) and max(steps[a], steps[b]) > 0.05 * rms(steps[1:-1])
-
-
-def _stuck_length(segments: list[tuple[int, int]]) -> float:
-    """Return the length [time steps] from which a constant segment indicates a stuck sensor.
-
-    The length is larger if the channel has at least five constant segments and many of them are long.
-    """
-    if len(segments) < 5:
-        return SETTINGS.stuck_steps_min
-    typical = float(np.quantile([b - a for a, b in segments], 0.9))
-    return max(SETTINGS.stuck_steps_min, SETTINGS.stuck_length_ratio_min * typical)

@@ -75,7 +75,6 @@ class DiagnosisSettings:
     quantised_ratio_min: float = 0.8  # Quantised: this fraction of differences is 1, 2 or 3 steps.
     stuck_steps_min: int = 20  # time steps with a constant value
     stuck_motion_ratio_min: float = 0.15  # change of the displacement / its range, while the force is stuck
-    stuck_length_ratio_min: float = 5.0  # length of a constant segment / 90 % quantile of all such lengths
     stuck_level_max_steps: float = 1.5  # change before and after a slow, constant segment / resolution
     spike_height_ratio_min: float = 0.1  # height of a spike / range from 0.5 % to 99.5 % quantile
     spike_noise_ratio_min: float = 30.0  # height of a spike / white noise

@@ -84,7 +84,7 @@ def command_of(
     unit = COMMAND_UNITS[label.role]
     values = [f"{value:g} {unit}" for each in (label, *label.others) for value in each.values]
     if len(values) > 1:
-        raise no_command(table, place, label.in_words(unit), values)
+        raise ask("current", "value", place, label.in_words(unit), values)
     _require_no_varying_column(label.role, label.values[0], table, place)
     return label.role, np.full(samples, label.values[0]), ((label.role, label.values[0], label.source),)
 
@@ -96,11 +96,9 @@ def _require_no_varying_column(role: str, value: float, table: Table, place: str
         values = table.columns[header.name]
         if may_be_current and _level_changes(values):
             low, high = np.nanquantile(values, (0.0, 1.0)).tolist()
-            found = (
-                f"the {role} is stated as {value:g} {COMMAND_UNITS[role]} throughout, and column "
-                f"{header.name!r} varies from {low:.4g} to {high:.4g}: answer current.column={header.name}, "
-                "or remove it from the file"
-            )
+            found = f"the {role} is stated as {value:g} {COMMAND_UNITS[role]} throughout, and column "
+            found += f"{header.name!r} varies from {low:.4g} to {high:.4g}: answer "
+            found += f"current.column={header.name}, or remove it from the file"
             raise ask("current", "column", place, found, [header.name])
 
 
@@ -130,7 +128,7 @@ def _require_agreement(
         if len(gaps) == 1 and gaps[0] > max(0.15 * abs(held), 5 * command_slack(held)):
             values = [f"{each.values[0]:g} {unit}", f"{held:.4g} {unit}"]
             found = f"{replace(each, others=()).in_words(unit)}, and the {role} measured is {values[1]}"
-            raise no_command(table, place, found, values)
+            raise ask("current", "value", place, found, values)
 
 
 def with_temperature(piece: Piece, chosen: ChannelMap, texts: Sequence[Place]) -> Piece:
@@ -175,14 +173,10 @@ def segments_of(
     return [(table, {row: next(maps) for row in rows}) for table, rows in zip(tables, starts, strict=True)]
 
 
-def no_command(
-    table: Table, place: str, found: str = "no current or voltage", values: Sequence[str] = ()
-) -> InputError:
+def no_command(table: Table, place: str) -> InputError:
     """Return the error that requests the command."""
     for role in COMMANDS:
         require_no_text(role, table, place)
-    if values:
-        return ask("current", "value", place, found, values)
     words = {name: word_and_unit(name) for name in table.columns}
     # If two columns have the same word, such as "force", the column in volts is a sensor output.
     often = Counter(word for word, _ in words.values())
@@ -199,7 +193,8 @@ def no_command(
         return ask("current", "scale", place, f"{found} (answer such as 2 A/100%)", shares)
     headers = [header_of(table, name) for name in table.columns if name not in table.stamps]
     unclear = [each.name for each in headers if _may_be_command(each)]
-    found += f"; {' or '.join(map(repr, unclear))} may hold it" if unclear else ""
+    may_hold = f"; {' or '.join(map(repr, unclear))} may hold it" if unclear else ""
+    found = f"no current or voltage{may_hold}"
     if not volts and len(unclear) < 2 and meant_without_unit("current", headers) is not None:
         return ask("current", "unit", place, found, QUANTITIES["current"].units)
     columns = [*dict.fromkeys([*volts, *unclear])]

@@ -74,8 +74,8 @@ def find_files(paths: Sequence[PathLike], space: Path) -> list[Path]:
         elif is_there(path):
             inside = [path]
         else:
-            inside = sorted(Path(name) for name in glob.glob(str(given), recursive=True))  # noqa: PTH207
-            inside = [file for file in inside if file.is_file()]
+            fitting = map(Path, glob.glob(str(given), recursive=True))  # noqa: PTH207
+            inside = sorted(file for file in fitting if file.is_file())
         if not inside:
             raise InputError(place=path, found=found, expected=expected)
         for file in inside:

@@ -21,7 +21,7 @@ from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import Finding
 from mrdamper.data.formats.clocks import with_times
 from mrdamper.data.formats.table import Moment, Table, distinct_names
-from mrdamper.data.proposal.clocks import increases, sampling_step, start_of, unit_by_magnitude
+from mrdamper.data.proposal.clocks import MEASURED, increases, sampling_step, start_of, unit_by_magnitude
 from mrdamper.data.proposal.column import Header, explained, header_of, headers_of
 from mrdamper.data.proposal.documents import Document
 from mrdamper.data.proposal.questions import Answer, with_answers
@@ -38,7 +38,6 @@ from mrdamper.quantities import QUANTITIES, to_si
 _NEEDED = frozenset({"displacement", "force"})
 _TOKEN = re.compile(r"[\W_]*(?:\d+|[^\W\d_]+)")  # A number or a word of a file name.
 _STEP_MAX_S = 3600.0  # A log with a longer step has no value during a run.
-_OF_RUNS = frozenset({"displacement", "velocity", "force"})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,13 +76,13 @@ def join_channel_files(
         for rest, group in _runs_of(channels).items():
             name = rest or folder.name
             place = folder / name
-            own = [channel.path for channel in group]
+            own = {channel.path: None for channel in group}
             stated = {each: None for document in documents for path in own for each in document.places(path)}
             with suppress(InputError):
-                chosen_now = with_answers(chosen, answers, place)
-                run = runs_in((_join_channels(group),), chosen_now, place, name=name, stated=[*stated])
+                answered = with_answers(chosen, answers, place)
+                run = runs_in((_join_channels(group),), answered, place, name=name, stated=[*stated])
                 joined.append((place, run))
-                members |= {*own}
+                members |= own.keys()
     return joined, members
 
 
@@ -201,7 +200,7 @@ def _read_log(path: Path, chosen: ChannelMap) -> _Log | None:
     except InputError:
         return None
     roles = {role for each in headers for role in (*each.of_unit, each.of_word)}
-    if "temperature" not in roles or roles & _OF_RUNS:
+    if "temperature" not in roles or roles & MEASURED:
         return None
     place = path.name
     time = _times(table, headers, chosen, place)
@@ -214,8 +213,8 @@ def _read_log(path: Path, chosen: ChannelMap) -> _Log | None:
     if column is None or has_word(column.name, "ambient") or has_word(path.stem, "ambient"):
         raise InputError(found="it has no temperature of the damper with a unit")
     kelvin = column.channel(chosen).to_si(table.columns[column.name], column.unit, place)
-    low, high = QUANTITIES["temperature"].low, QUANTITIES["temperature"].high
-    valid = np.isfinite(time) & (kelvin > low) & (kelvin < high)
+    limits = QUANTITIES["temperature"]
+    valid = np.isfinite(time) & (kelvin > limits.low) & (kelvin < limits.high)
     if valid.sum() < 2 or np.any(np.diff(time[valid]) <= 0.0):
         raise InputError(found="it has no increasing times with plausible temperatures")
     return start, time[valid], kelvin[valid]

@@ -152,8 +152,7 @@ def repaired_parts(piece: Piece) -> Iterator[Piece]:
         part = piece.part(slice(first, last))
         if first:
             lost = float(piece.time[first] - piece.time[first - 1])
-            found = f"time has a gap of {lost:.4g} s before this piece, where the usual step is "
-            found += f"{usual:.4g} s: the record is cut there"
+            found = f"time has a gap of {lost:.4g} s (usual step: {usual:.4g} s): the record is cut there"
             effect = "The state of the hysteresis is lost in a gap: each piece is a separate run"
             remedy = "Record again without losing samples, if the pieces are short"
             gap = Finding("gap", found, effect, remedy, channel="time", size=lost, unit="s")

@@ -109,8 +109,6 @@ def runs_in(
     remarks = tuple(dict.fromkeys(note for _, _, notes in parts for note in notes))
     if len(parts) < len(tables):
         remarks += (f"{len(tables) - len(parts)} tables without force over time left out",)
-    if len(parts) > 1 and tables[0].title:
-        remarks += (f"{len(parts)} parts",)
     layout = replace(tables[0].layout, notes=(*tables[0].layout.notes, *remarks))
     pieces = [piece for own, _, _ in parts for piece in own]
     pieces = pieces if chosen.segments else join_pieces(pieces)
