@@ -16,8 +16,6 @@ from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import Recording, channels_of
 from mrdamper.quantities import QUANTITIES
 
-_MEASURED = ("displacement", "force", "velocity")
-
 
 def find_clipping(recording: Recording) -> Iterator[Finding]:
     """Generate findings on clipped channels: far more samples have the extreme value than the next values.
@@ -187,7 +185,7 @@ def _coarse_step(values: FloatArray) -> tuple[float, float]:
 
 def _varying_channels(recording: Recording) -> Iterator[tuple[str, FloatArray]]:
     for role, values in channels_of(recording).items():
-        if role in _MEASURED and np.ptp(values) > 0.0:
+        if role in {"displacement", "force", "velocity"} and np.ptp(values) > 0.0:
             yield role, values
 
 

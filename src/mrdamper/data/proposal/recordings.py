@@ -41,8 +41,6 @@ from mrdamper.errors import InputError
 from mrdamper.files import printable
 from mrdamper.quantities import QUANTITIES, is_any_unit, roles_of_unit
 
-_HELD = ("current", "voltage", "temperature")
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RigFile:
@@ -213,7 +211,7 @@ def _channels(
         channels[column.role] = column.channel(chosen).to_si(raw[column.role], column.unit, place)
     stated = channels.pop("time", raw.get("time"))
     samples = max(map(len, channels.values()))
-    for role in channels.keys() & _HELD:
+    for role in channels.keys() & {*COMMAND_UNITS, "temperature"}:
         known = channels[role][np.isfinite(channels[role])]
         if len(channels[role]) == 1 or len(known) == 1:  # One value applies to all samples.
             channels[role] = np.full(samples, [*known, np.nan][0])
@@ -249,9 +247,8 @@ def _make_recordings(
             starts.append(piece.start and piece.start.later(zero))
             findings += [replace(finding, run=run) for finding in part.findings]
             inferred += [Inference(run, *told) for told in part.told]
-    return RigFile(
-        tuple(recordings), layout, columns, chosen, tuple(findings), tuple(inferred), tuple(starts)
-    )
+    found = tuple(findings), tuple(inferred), tuple(starts)
+    return RigFile(tuple(recordings), layout, columns, chosen, *found)
 
 
 def _names(pieces: Sequence[Piece], chosen: ChannelMap, stem: str) -> list[str]:
