@@ -115,13 +115,16 @@ def find_force_lag(prepared: PreparedRun) -> Iterator[Finding]:
 def _static_force(prepared: PreparedRun) -> float | None:
     """Return the static force [N], None if the run has no whole cycle.
 
-    The force over whole cycles is fitted as a + b sign(v) + c v + d (x - mean of x). The static force is a.
+    The static force of a periodic motion is the mean force over whole cycles. For other motions, the force is
+    fitted as a + b sign(v) + c v + d (x - mean of x), and a is the static force.
     """
     whole = cycles(prepared)
     if not len(whole):
         return None
     kept = slice(whole.row[0], whole.end[-1])
     force, velocity = prepared.force[kept], prepared.trajectory.velocity[kept]
+    if prepared.period_s is not None:
+        return float(np.mean(force))
     x = prepared.trajectory.displacement[kept]
     terms = np.column_stack([np.ones_like(x), np.sign(velocity), velocity, x - x.mean()])
     return float(np.linalg.lstsq(terms, force, rcond=None)[0][0])

@@ -55,12 +55,12 @@ _DAMAGES = (
 )
 
 
-def find_files(paths: Sequence[PathLike], space: Path) -> list[Path]:
+def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Path]:
     """Return the files named by paths, folders and patterns, in the given order.
 
-    Archives are unpacked into the folder ``space``. There, the subfolders have the names of the folders in
-    the archive's path. Documents in a searched folder that contains an archive, directly or in a subfolder,
-    are copied to these subfolders. A file that is given twice is returned once.
+    Archives are unpacked into the folder ``space`` if it is given. There, the subfolders have the names of
+    the folders in the archive's path. Documents in a searched folder that contains an archive, directly or in
+    a subfolder, are copied to these subfolders. A file that is given twice is returned once.
     """
     files: dict[Path, Path] = {}
     if not paths:
@@ -82,7 +82,7 @@ def find_files(paths: Sequence[PathLike], space: Path) -> list[Path]:
             files.setdefault(file.resolve(), file)
     unpacked: list[Path] = []
     for file in files.values():
-        if not _is_archive(file):
+        if space is None or not _is_archive(file):
             unpacked.append(file)
             continue
         root = next((path for path in map(Path, paths) if path in file.parents), None)
