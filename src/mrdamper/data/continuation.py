@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mrdamper.arrays import rms
-from mrdamper.data.records import CHANNELS, Dataset, RigRun, command_slack
+from mrdamper.data.records import CHANNELS, Dataset, RigRun, channels_of, command_slack
 
 _SEAM_STEPS_MAX = 2.5  # Max time [steps] from the last sample of a part to the first of the next.
 _RMS_RATIO_MAX = 1.3  # max ratio of the rms values (displacement, speed) of two parts
@@ -40,23 +40,27 @@ def join_continuations(runs: Dataset) -> tuple[Dataset, tuple[str, ...]]:
 
 def _continues(run: RigRun, previous: RigRun) -> bool:
     step_s = float(previous.time[-1] - previous.time[0]) / (len(previous) - 1)
-    if not -0.5 * step_s < run.time[0] - previous.time[-1] < _SEAM_STEPS_MAX * step_s:
-        return False
-    return _has_same_settings(run, previous) and _has_same_motion(run, previous)
+    is_next = -0.5 * step_s < run.time[0] - previous.time[-1] < _SEAM_STEPS_MAX * step_s
+    is_same_file = run.source == previous.source != ""
+    is_equal = _has_same_settings(run, previous) and _has_same_motion(run, previous)
+    return is_next and not is_same_file and is_equal
 
 
 def _has_same_settings(run: RigRun, previous: RigRun) -> bool:
-    """Return True if the runs are from different files with the same channels, command and temperature."""
-    if run.source and run.source == previous.source:
-        return False
-    settings = {(each.command_unit, each.session, each.velocity is None) for each in (run, previous)}
+    """Return True if the runs have the same channels, command and temperature."""
+    settings = {(each.command_unit, each.session, *channels_of(each)) for each in (run, previous)}
     command, before = run.constant_command, previous.constant_command
-    is_equal = command is not None and before is not None and abs(command - before) <= command_slack(command)
-    if len(settings) > 1 or not is_equal:
+    if (
+        len(settings) > 1
+        or command is None
+        or before is None
+        or abs(command - before) > command_slack(command)
+    ):
         return False
-    if run.temperature is None or previous.temperature is None:
-        return run.temperature is previous.temperature
-    return abs(float(run.temperature[0] - previous.temperature[-1])) <= _SEAM_TEMPERATURE_K_MAX
+    seam_K = 0.0
+    if run.temperature is not None and previous.temperature is not None:
+        seam_K = abs(float(run.temperature[0] - previous.temperature[-1]))
+    return seam_K <= _SEAM_TEMPERATURE_K_MAX
 
 
 def _has_same_motion(run: RigRun, previous: RigRun) -> bool:

@@ -346,13 +346,12 @@ def changes_of_pace(steps: FloatArray, gaps: int) -> tuple[int, float, float] | 
     Return None if the mean time step does not change. ``gaps`` is the number of time gaps in the run.
     """
     blocks = len(steps) // _BLOCK_STEP_COUNT
-    if not blocks:
-        return None
     pace = steps[: blocks * _BLOCK_STEP_COUNT].reshape(blocks, _BLOCK_STEP_COUNT).mean(axis=1)
     changed = np.abs(pace / pace[:1] - 1.0) > 0.25
-    if not (np.any(changed[1:] & changed[:-1]) and np.count_nonzero(changed) > gaps):
+    both = np.flatnonzero(changed[1:] & changed[:-1])
+    if not len(both) or np.count_nonzero(changed) <= gaps:
         return None
-    block = int(np.flatnonzero(changed[1:] & changed[:-1])[0])
+    block = int(both[0])
     return block * _BLOCK_STEP_COUNT, float(pace[0]), float(pace[block + 1])
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -44,7 +44,6 @@ FORMATS: tuple[Format, ...] = (
 )
 
 HEAD_BYTES = 1 << 16
-_TOO_LARGE = "needs more memory than there is; split the file"
 
 # Unsupported files that users often select by mistake, each with a remedy.
 _UNSUPPORTED: tuple[tuple[bytes, str], ...] = (
@@ -72,25 +71,20 @@ def read_table(path: Path, options: FileOptions | None = None) -> Table:
 
     Raise InputError if the file is not readable or contains no numbers.
     """
-    with _reading(path):
+    try:
         known = _recognise_format(path)
-    with _reading(path) if known.read in {read_lvm, read_text} else decoding(path, known.name):
-        table = known.read(path, options or FileOptions())
+        with nullcontext() if known.read in {read_lvm, read_text} else decoding(path, known.name):
+            table = known.read(path, options or FileOptions())
+    except OSError as error:
+        raise InputError(place=path, found=f"cannot read the file ({error.strerror})") from error
+    except MemoryError as error:
+        found = "needs more memory than there is; split the file"
+        raise InputError(place=path, found=found) from error
     if not table.columns or table.rows < 2:
         notes = f" ({'; '.join(table.layout.notes)})" if table.layout.notes else ""
         found = f"no columns of numbers found{notes}"
         raise NoTableError(place=path, found=found, expected="a header and rows of numbers")
     return table
-
-
-@contextmanager
-def _reading(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise InputError(place=path, found=f"cannot read the file ({error.strerror})") from error
-    except MemoryError as error:
-        raise InputError(place=path, found=_TOO_LARGE) from error
 
 
 @contextmanager
@@ -103,10 +97,8 @@ def decoding(path: Path, what: str) -> Iterator[None]:
     logging.disable()  # npTDMS and asammdf log damaged bytes.
     try:
         yield
-    except MrdamperError:
+    except (MrdamperError, MemoryError):
         raise
-    except MemoryError as error:
-        raise InputError(place=path, found=_TOO_LARGE) from error
     except BaseException as error:
         if isinstance(error.__context__, KeyboardInterrupt):  # A library hides Ctrl-C.
             raise error.__context__ from None

@@ -21,7 +21,7 @@ from mrdamper.data.formats.table import (
     Table,
     as_column,
     as_text,
-    require_room,
+    require_held,
     shortest_names,
 )
 from mrdamper.data.words.headers import means, parse_header, speaks_of, word_and_unit
@@ -72,19 +72,18 @@ def table_of_arrays(
     others = recordings_in([each.path for each in inside if each.size > 1 and not each.is_clock])
     part = others[0] if others else layout.part
     inside = [each for each in inside if is_in_part(each.path, part)]
-    names = shortest_names([each.path for each in inside])
-    for name, each in zip(names, inside, strict=True):
-        require_room(each.size, file, name)
-    in_part = {path: text.strip() for path, text in units.items() if is_in_part(path, part)}
+    named = dict(zip(shortest_names([each.path for each in inside]), inside, strict=True))
+    for name, each in named.items():
+        require_held(each.size, 1, file, name)
     stated = {
-        path[-1]: text for path, text in in_part.items() if any("unit" in each.lower() for each in path[:-1])
+        path[-1]: text.strip()
+        for path, text in units.items()
+        if is_in_part(path, part) and any("unit" in each.lower() for each in path[:-1])
     }
-    units_of = {
-        name: each.unit or stated.get(each.name, "") for name, each in zip(names, inside, strict=True)
-    }
+    units_of = {name: each.unit or stated.get(each.name, "") for name, each in named.items()}
     table = Table(
-        names=tuple(names),
-        columns={name: each.read() for name, each in zip(names, inside, strict=True)},
+        names=tuple(named),
+        columns={name: each.read() for name, each in named.items()},
         texts={},
         layout=layout,
         rows=max((each.size for each in inside), default=0),
@@ -92,10 +91,10 @@ def table_of_arrays(
         title=part,
         more=others[1:],
     )
-    return on_clocks(table, dict(zip(names, inside, strict=True)))
+    return _on_clocks(table, named)
 
 
-def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
+def _on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
     """Add a clock to each column: a time column, or a start and a time step.
 
     If the file has several time columns, a column uses the time column in the nearest enclosing group.

@@ -68,10 +68,7 @@ def read_lvm(path: Path, _options: FileOptions) -> Table:
         if table.rows:
             start = tables[0].start if tables else None
             tables.append(_with_clock(replace(table, said=statements(lines, "\t")), tags, start))
-    if len(tables) < 2:
-        return tables[0]
-    layout = replace(tables[0].layout, notes=(*text.notes, f"{len(tables)} segments"))
-    return replace(tables[0], layout=layout, following=tuple(tables[1:]))
+    return replace(tables[0], following=tuple(tables[1:]))
 
 
 def _tags_of(content: str) -> Tags:

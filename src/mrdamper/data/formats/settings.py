@@ -12,7 +12,6 @@ class ReadingSettings:
     # Size of a file
     unpacked_ratio_max: int = 1032  # unpacked size / packed size; deflate cannot reach more
     whole_file_max_bytes: int = 1 << 29  # Larger texts are rejected.
-    column_samples_max: int = 400_000_000  # A longer column (3.2 GB) is damaged or malicious.
     workbook_unpacked_max_bytes: int = 1 << 29
     archive_unpacked_max_bytes: int = 1 << 31
     folder_depth_max: int = 4  # levels of subfolders that are searched
@@ -22,7 +21,6 @@ class ReadingSettings:
     table_rows_min: int = 10  # A table with fewer rows of numbers contains results, not samples.
     header_lines_max: int = 400  # The first row of a text or a sheet is within these lines.
     element_count_max: int = 4096  # elements of a list or struct array in which signals are searched
-    empty_record_columns_min: int = 3  # A single line with this many names is a header without samples.
 
     # Missing samples inside a channel are interpolated up to these limits.
     missing_ratio_max: float = 0.01

@@ -163,14 +163,6 @@ def distinct_names(names: Sequence[str]) -> list[str]:
     return order
 
 
-def require_room(samples: int, path: Path, name: str) -> None:
-    """Raise InputError if a column is too long to allocate."""
-    if samples > SETTINGS.column_samples_max:
-        found, remedy = f"column {name!r} states {samples} samples", "The file is damaged, or has to be split"
-        most = f"at most {SETTINGS.column_samples_max}"
-        raise InputError(place=path, found=found, expected=most, remedy=remedy)
-
-
 def require_held(samples: int, size: int, path: Path, name: str) -> None:
     """Raise InputError if the file is too small for the stated samples. Call before memory is allocated."""
     if not 0 <= samples * size <= SETTINGS.unpacked_ratio_max * path.stat().st_size:

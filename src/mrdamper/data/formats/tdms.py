@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -24,30 +24,20 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
     ):
         groups = [group for group in file.groups() if options.part in {"", group.name}]
         channels = [channel for group in groups for channel in group.channels()]
-        is_cut = bool(file.file_status.incomplete_final_segment)
-        _require_samples(channels, path, is_cut=is_cut, is_whole=not options.part)
+        if not (options.part or any(map(len, channels))):
+            found = "the TDMS file holds no sample: it is empty, or cut off"
+            raise InputError(place=path.name, found=found, remedy="Copy it again, or record again")
         attributes = {group.name: {**file.properties, **group.properties} for group in groups}
         arrays = [
             _stored_array(channel, attributes[channel.group_name])
             for channel in channels
             if len(channel) and channel.dtype.kind in "fiubmM"
         ]
-        notes = ("cut off while recording",) if is_cut else ()
+        notes = ("cut off while recording",) if file.file_status.incomplete_final_segment else ()
         table = table_of_arrays(arrays, path, Layout("TDMS file", part=options.part, notes=notes), {})
     names = {each.path[0] for each in arrays}
     title = table.title or (names.pop() if len(names) == 1 else "")
     return replace(table, title=title, said=attribute_lines(attributes.get(title, {})))
-
-
-def _require_samples(channels: Sequence[Any], path: Path, *, is_cut: bool, is_whole: bool) -> None:
-    """Raise InputError if a file has no samples, or was cut off before the first sample of a channel."""
-    empty = [channel.name for channel in channels if not len(channel)]
-    fault = "holds no sample: it is empty, or cut off" if is_whole and len(empty) == len(channels) else ""
-    if is_cut and (empty or not channels):
-        fault = f"is cut off before the first sample of {', '.join(empty[:5]) or 'its first channel'}"
-    if fault:
-        remedy = "Copy it again, or record again"
-        raise InputError(place=path.name, found=f"the TDMS file {fault}", remedy=remedy)
 
 
 def _stored_array(channel: Any, outer: Mapping[str, object]) -> StoredArray:  # noqa: ANN401

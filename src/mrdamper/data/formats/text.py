@@ -63,12 +63,7 @@ def read_text(path: Path | Text, options: FileOptions) -> Table:
             return table
     delimiter, first = find_data(head, options.delimiter)
     if first is None:
-        # There is no row of numbers. If the only line consists of column names, it is the header of a record
-        # without samples. Other texts are notes.
-        lines = [line for line in head if line.strip() and not line.startswith("#")]
-        widths = [len(split_line(line, sign)) for line in lines for sign in DELIMITERS[:-1]]
-        is_empty_record = len(lines) == 1 and max(widths) >= SETTINGS.empty_record_columns_min
-        raise (InputError if is_empty_record else NoTableError)(
+        raise NoTableError(
             place=text.place,
             found=f"no rows of numbers in the first {len(head)} lines",
             expected="a header and at least two columns, separated by comma, semicolon, tab, bar or blanks",
@@ -200,7 +195,7 @@ def _transposed(text: Text, _head: Sequence[str], options: FileOptions) -> Table
         [*(zip_longest(*group, fillvalue="") if is_long else group), []]
         for is_long, group in groupby(rows, key=lambda row: row in long)
     )
-    return _rearranged(text, [], chain(*blocks), options, "a row for each channel")
+    return _rearranged(text, [*chain(*blocks)], options, "a row for each channel")
 
 
 def _without_notes_beside(text: Text, head: Sequence[str], options: FileOptions) -> Table | None:
@@ -217,20 +212,14 @@ def _without_notes_beside(text: Text, head: Sequence[str], options: FileOptions)
     are_apart = not any(row[last : last + 1] not in ([], [""]) for row in rows)
     if len(entries) < 2 or not are_apart or not all(cells[0][:1].isalpha() for cells in entries):
         return None
-    cut = [split_line(line, delimiter)[first:last] for line in text.lines]
-    return _rearranged(text, entries, cut, options, "notes next to the samples")
+    cut = (split_line(line, delimiter)[first:last] for line in text.lines)
+    return _rearranged(text, [*entries, [], *cut], options, "notes next to the samples")
 
 
-def _rearranged(
-    text: Text,
-    above: Sequence[Sequence[str]],
-    rows: Iterable[Sequence[str]],
-    options: FileOptions,
-    note: str,
-) -> Table:
-    """Return the table of rearranged cells: lines above the table, then its rows."""
-    lines = [*map("\t".join, [*above, [], *rows])]
-    table = read_text(replace(text, lines=lines), FileOptions(delimiter="\t", decimal=options.decimal))
+def _rearranged(text: Text, cells: Iterable[Sequence[str]], options: FileOptions, note: str) -> Table:
+    """Return the table of rearranged cells."""
+    again = replace(text, lines=[*map("\t".join, cells)])
+    table = read_text(again, FileOptions(delimiter="\t", decimal=options.decimal))
     return replace(table, layout=replace(table.layout, notes=(*table.layout.notes, note)))
 
 
@@ -258,12 +247,10 @@ def parse_rows(text: Text, names: Sequence[str], layout: Layout, stop: int | Non
                 row, cell = column.first_bad()
                 found = f"column {name!r} holds {cell!r} ({column.bad} such cells)"
                 expected, remedy = "a time" if moment else "a number", "Correct the cell, or omit its row"
-                raise InputError(
-                    place=f"{text.place}, line {row}", found=found, expected=expected, remedy=remedy
-                )
+                place = f"{text.place}, line {row}"
+                raise InputError(place=place, found=found, expected=expected, remedy=remedy)
             numbers[name] = column.numbers
             stamps |= {name: moment} if moment else {}
-    units = dict.fromkeys(stamps, "s")
     for clock in stamps:
         _add_milliseconds(numbers, clock, order[order.index(clock) + 1 :][:1])
     return Table(
@@ -272,7 +259,7 @@ def parse_rows(text: Text, names: Sequence[str], layout: Layout, stop: int | Non
         texts=words,
         layout=layout,
         rows=max(map(len, (numbers | words).values())),
-        units=units,
+        units=dict.fromkeys(stamps, "s"),
         stamps=stamps,
     )
 
@@ -292,19 +279,13 @@ def _parse_numbers(
     lines: Sequence[str], layout: Layout, names: Sequence[str]
 ) -> dict[str, FloatArray] | None:
     """Return the columns of rows, which NumPy parses quickly, or None if a cell is not a number."""
-    if not any(map(str.strip, lines)) or layout.decimal == layout.delimiter:
+    has_thousands = layout.decimal == "," and any("." in line for line in lines)
+    if not any(map(str.strip, lines)) or layout.decimal == layout.delimiter or has_thousands:
         return None
     if layout.decimal == ",":
-        if any("." in line for line in lines):
-            return None
         lines = [line.replace(",", ".") for line in lines]
     delimiter = None if layout.delimiter == " " else layout.delimiter
-    try:
+    with suppress(ValueError):  # A cell is not a number, or the rows have more or fewer cells than names.
         columns = np.loadtxt(lines, delimiter=delimiter, comments=None, ndmin=2).T
-    except ValueError:
-        return None
-    return (
-        dict(zip(names, map(np.ascontiguousarray, columns), strict=True))
-        if len(columns) == len(names)
-        else None
-    )
+        return dict(zip(names, map(np.ascontiguousarray, columns), strict=True))
+    return None
