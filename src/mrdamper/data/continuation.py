@@ -41,26 +41,21 @@ def join_continuations(runs: Dataset) -> tuple[Dataset, tuple[str, ...]]:
 def _continues(run: RigRun, previous: RigRun) -> bool:
     step_s = float(previous.time[-1] - previous.time[0]) / (len(previous) - 1)
     is_next = -0.5 * step_s < run.time[0] - previous.time[-1] < _SEAM_STEPS_MAX * step_s
-    is_same_file = run.source == previous.source != ""
-    is_equal = _has_same_settings(run, previous) and _has_same_motion(run, previous)
-    return is_next and not is_same_file and is_equal
+    if not is_next or run.source == previous.source != "":  # A file is never a continuation of itself.
+        return False
+    return _has_same_settings(run, previous) and _has_same_motion(run, previous)
 
 
 def _has_same_settings(run: RigRun, previous: RigRun) -> bool:
     """Return True if the runs have the same channels, command and temperature."""
     settings = {(each.command_unit, each.session, *channels_of(each)) for each in (run, previous)}
     command, before = run.constant_command, previous.constant_command
-    if (
-        len(settings) > 1
-        or command is None
-        or before is None
-        or abs(command - before) > command_slack(command)
-    ):
+    if len(settings) > 1 or command is None or before is None:
         return False
     seam_K = 0.0
     if run.temperature is not None and previous.temperature is not None:
         seam_K = abs(float(run.temperature[0] - previous.temperature[-1]))
-    return seam_K <= _SEAM_TEMPERATURE_K_MAX
+    return abs(command - before) <= command_slack(command) and seam_K <= _SEAM_TEMPERATURE_K_MAX
 
 
 def _has_same_motion(run: RigRun, previous: RigRun) -> bool:
@@ -75,9 +70,8 @@ def _has_same_motion(run: RigRun, previous: RigRun) -> bool:
 
 def _join(parts: Sequence[RigRun]) -> RigRun:
     """Return the parts as one run. A sample that is in two adjacent parts is used once."""
-    kept = [parts[0]]
-    for part in parts[1:]:
-        kept.append(part.between(float(np.nextafter(kept[-1].time[-1], np.inf)), None))
+    ends = [float(np.nextafter(part.time[-1], np.inf)) for part in parts]
+    kept = [parts[0], *(part.between(end, None) for part, end in zip(parts[1:], ends, strict=False))]
     channels = [name for name in CHANNELS if getattr(parts[0], name) is not None]
     columns: dict[str, Any] = {key: np.concatenate([getattr(run, key) for run in kept]) for key in channels}
     return replace(parts[0], **columns)

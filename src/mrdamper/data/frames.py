@@ -117,9 +117,7 @@ def parts_of(given: Any) -> list[Any]:  # noqa: ANN401 - a path, run or frame, o
     if isinstance(given, Mapping):
         return [Frame(str(name), _columns_of(each)) for name, each in given.items()]
     if isinstance(given, np.ndarray) or not isinstance(given, Iterable):
-        expected = (
-            'paths, runs, or columns by name, such as {"time_s": t, "displacement_mm": x, "force_N": f}'
-        )
+        expected = 'paths, runs, or columns by name: {"time_s": t, "displacement_mm": x, "force_N": f}'
         raise InputError(place="runs", found=f"a {type(given).__name__} without names", expected=expected)
     return [
         Frame(f"frame_{number}", _columns_of(each)) if is_frame(each) else each

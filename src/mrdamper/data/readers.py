@@ -257,11 +257,7 @@ def read_runs(
 
 
 def map_beside(file: Path) -> Path | None:
-    """Return the path of the channel map next to a file, or None if it does not exist.
-
-    The name of the map is the name of the file with the suffix ``.channels.toml``. A map that the user gives
-    has priority.
-    """
+    """Return the path of the channel map next to a file, named ``file.channels.toml``, None if missing."""
     path = file.with_name(f"{file.name}{MAP_SUFFIX}")
     return path if is_file(path) else None
 

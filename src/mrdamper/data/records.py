@@ -262,9 +262,9 @@ def _faults(run: RigRun) -> list[InputError]:
 
 def channels_of(recording: Recording) -> dict[str, FloatArray]:
     """Return the channels of a recording by role."""
-    command = "current" if recording.command_unit == "A" else "voltage"
-    roles = {name: command if name == "command" else name for name in CHANNELS}
-    return {role: values for name, role in roles.items() if (values := getattr(recording, name)) is not None}
+    roles = {"command": "current" if recording.command_unit == "A" else "voltage"}
+    channels = ((roles.get(name, name), getattr(recording, name)) for name in CHANNELS)
+    return {role: values for role, values in channels if values is not None}
 
 
 def find_missing_numbers(recording: Recording) -> Iterator[Finding]:

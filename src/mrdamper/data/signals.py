@@ -51,7 +51,6 @@ class Spectrum:
         """
         square = self.frequency**2
         velocity_rms = 2 * np.pi * np.sqrt(np.mean(square * self.power))
-        # The displacement is not filtered if the noise of the velocity is below 0.1 % of the rms velocity.
         if self.noise * _GAIN_ON_WHITE_NOISE / self.step <= 1e-3 * velocity_rms:
             return 0.5 / self.step
         gain = self.power - 2 * self.noise**2
@@ -93,10 +92,7 @@ def measure_spectrum(displacement: FloatArray, step: float) -> Spectrum:
 
 
 def knot_spacing(step: float, cutoff_Hz: float) -> int:
-    """Return the number of samples between two knots of the smoothing spline; 1 means no smoothing.
-
-    ``step`` is the time between samples [s].
-    """
+    """Return the number of samples, ``step`` [s] apart, between two knots; 1 means no smoothing."""
     return max(1, round(0.5 / (cutoff_Hz * step)))
 
 

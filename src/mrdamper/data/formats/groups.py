@@ -15,15 +15,7 @@ from mrdamper.data.formats.clocks import Sampling, stated_sampling, with_samplin
 from mrdamper.data.formats.lines.cells import number_in
 from mrdamper.data.formats.lines.properties import names_quantity
 from mrdamper.data.formats.settings import SETTINGS
-from mrdamper.data.formats.table import (
-    SKIPPED,
-    Layout,
-    Table,
-    as_column,
-    as_text,
-    require_held,
-    shortest_names,
-)
+from mrdamper.data.formats.table import Layout, Table, as_column, as_text, require_held, shortest_names
 from mrdamper.data.words.headers import means, parse_header, speaks_of, word_and_unit
 from mrdamper.quantities import QUANTITIES, roles_of_unit
 
@@ -245,10 +237,3 @@ def attribute_lines(attributes: Mapping[str, object]) -> tuple[str, ...]:
             text = f"{number:g} {unit}"
         lines.append(f"{key}: {text}"[: SETTINGS.attribute_length_max])
     return tuple(lines)
-
-
-def skipped_note(names: Sequence[str]) -> tuple[str, ...]:
-    """Return a remark that lists skipped values of a foreign type, or () if no value was skipped."""
-    count = SETTINGS.listed_names_max
-    more = f" and {len(names) - count} more" if len(names) > count else ""
-    return (f"{SKIPPED}{', '.join(names[:count])}{more}",) if names else ()

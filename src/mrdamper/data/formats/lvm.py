@@ -126,5 +126,4 @@ def _with_clock(table: Table, tags: Tags, first: Moment | None) -> Table:
             delay = sampling.began.day_first_s - start.day_first_s if sampling.began and start else 0.0
             times[name] = time if continues else time + delay
     clocked = with_times(replace(table, names=names, columns=columns, units=units, start=start), times)
-    clocked = replace(clocked, names=(*sorted(clocked.names, key=names.__contains__),))  # times first
     return replace(clocked, clocks={}) if "time" in clocked.clocks else clocked  # "time" is the only clock.

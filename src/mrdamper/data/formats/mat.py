@@ -13,9 +13,6 @@ from typing import Any
 from mrdamper.data.formats.table import FileOptions, Table, require_held
 from mrdamper.data.formats.variables import table_of_variables
 
-# Smallest size of an element by kind [bytes]. A number has at least one byte.
-_LEAST_BYTES = dict.fromkeys(("struct", "cell", "object"), 8)
-
 
 def is_mat(head: bytes) -> bool:
     """Return True if the first bytes are the signature of a MAT file of version 4 to 7.2."""
@@ -48,9 +45,9 @@ def read_mat(path: Path, options: FileOptions) -> Table:
     part: Any  # whosmat and loadmat also read buffers, although the type stubs of SciPy allow only paths.
     for name, part in parts:
         with suppress(TypeError):  # whosmat fails for an object, which has no shape.
-            for _, shape, kind in whosmat(part):
+            for _, shape, _ in whosmat(part):
                 count = math.prod(abs(int(n)) for n in shape)  # A size in a damaged file can be negative.
-                require_held(count, _LEAST_BYTES.get(kind, 1), path, name)
+                require_held(count, 1, path, name)  # An element has at least one byte.
         part.seek(0)
         read = loadmat(part, simplify_cells=True)
         for key, value in read.items():

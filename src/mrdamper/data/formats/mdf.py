@@ -52,12 +52,11 @@ def _close(file: Any) -> None:  # noqa: ANN401 - asammdf's file
 
 
 def _require_no_formula(file: Any, path: Path) -> None:  # noqa: ANN401 - asammdf's file
-    for group in file.groups:
-        for channel in group.channels:
-            if said := _formula(channel.conversion):
-                found = f"channel {str(channel.name)!r} is scaled by the formula {said[:60]!r}"
-                remedy = "Formulas are not run: export the run with its values scaled"
-                raise InputError(place=path, found=found, remedy=remedy)
+    for channel in (channel for group in file.groups for channel in group.channels):
+        if said := _formula(channel.conversion):
+            found = f"channel {str(channel.name)!r} is scaled by the formula {said[:60]!r}"
+            remedy = "Formulas are not run: export the run with its values scaled"
+            raise InputError(place=path, found=found, remedy=remedy)
 
 
 def _formula(conversion: Any) -> str:  # noqa: ANN401 - asammdf's conversion

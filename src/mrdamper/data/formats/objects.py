@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from mrdamper.data.formats.settings import SETTINGS
+from mrdamper.data.formats.lines.encodings import read_lines
 from mrdamper.data.formats.table import FileOptions, Table, require_held
 from mrdamper.data.formats.variables import table_of_variables
-from mrdamper.errors import InputError
 
 
 def read_npz(path: Path, options: FileOptions) -> Table:
@@ -42,14 +41,11 @@ def read_npz(path: Path, options: FileOptions) -> Table:
 
 def read_json(path: Path, options: FileOptions) -> Table:
     """Return the columns of a JSON file, or of a file with one JSON object per line."""
-    if path.stat().st_size > SETTINGS.whole_file_max_bytes:
-        found = f"a JSON file of more than {SETTINGS.whole_file_max_bytes >> 20} MB"
-        raise InputError(place=path, found=found, remedy="Export the run as CSV")
-    text = path.read_text(encoding="utf-8-sig")
+    lines = read_lines(path).lines
     try:
-        whole = json.loads(text)
+        whole = json.loads("\n".join(lines))
     except json.JSONDecodeError:
-        whole = [json.loads(line) for line in text.splitlines() if line.strip()]
+        whole = [json.loads(line) for line in lines if line.strip()]
     arrays = _arrays(whole)
     variables = arrays if isinstance(arrays, dict) else {"": arrays}
     return table_of_variables(variables, path, options, "JSON file")

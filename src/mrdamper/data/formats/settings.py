@@ -29,7 +29,6 @@ class ReadingSettings:
     # Limits for the texts that are read from a file
     attribute_lines_max: int = 64
     attribute_length_max: int = 200
-    listed_names_max: int = 8  # max number of names in one remark
     note_lines_max: int = 64
     note_length_max: int = 300
     document_max_bytes: int = 1 << 17

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
@@ -91,9 +91,8 @@ class Moment:
 
     def later(self, seconds: float) -> Moment:
         """Return the time stamp shifted by a number of seconds."""
-        return replace(
-            self, day_first_s=self.day_first_s + seconds, month_first_s=self.month_first_s + seconds
-        )
+        readings = (self.day_first_s + seconds, self.month_first_s + seconds)
+        return Moment(*readings, has_date=self.has_date, is_utc=self.is_utc)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -25,7 +25,6 @@ from mrdamper.data.formats.groups import (
     attribute_lines,
     is_in_part,
     read_values,
-    skipped_note,
     table_of_arrays,
     with_prefix_groups,
     with_runs_of_matrices,
@@ -33,7 +32,7 @@ from mrdamper.data.formats.groups import (
 )
 from mrdamper.data.formats.lines.properties import names_quantity
 from mrdamper.data.formats.settings import SETTINGS
-from mrdamper.data.formats.table import FileOptions, Layout, Table, as_text
+from mrdamper.data.formats.table import SKIPPED, FileOptions, Layout, Table, as_text
 from mrdamper.data.words.headers import means, speaks_of
 from mrdamper.quantities import QUANTITIES, roles_of_unit
 
@@ -49,7 +48,9 @@ def table_of_variables(
     ``settings`` of a structure or an array, if present, are its attributes.
     """
     found = _Variables(variables)
-    layout = Layout(kind, part=options.part, notes=skipped_note([*skipped, *found.objects]))
+    skipped = [*skipped, *found.objects]
+    notes = (f"{SKIPPED}{', '.join(skipped)}",) if skipped else ()
+    layout = Layout(kind, part=options.part, notes=notes)
     found.arrays = with_values_of_runs(with_runs_of_matrices(with_prefix_groups(found.arrays)))
     # A single start time, time step or sampling rate in a structure is a setting.
     is_time = {each.path for each in found.arrays if each.size == 1 and is_setting_of_time(each.name)}

@@ -11,12 +11,7 @@ from itertools import pairwise
 
 from mrdamper.data.formats.groups import attribute_lines
 from mrdamper.data.formats.lines.cells import is_number, number_in
-from mrdamper.data.formats.lines.properties import (
-    Header,
-    find_properties,
-    name_in,
-    property_of,
-)
+from mrdamper.data.formats.lines.properties import Header, find_properties, name_in, property_of
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import is_missing
 from mrdamper.data.formats.timestamps import days_of, is_time
