@@ -195,7 +195,7 @@ def _transposed(text: Text, _head: Sequence[str], options: FileOptions) -> Table
         [*(zip_longest(*group, fillvalue="") if is_long else group), []]
         for is_long, group in groupby(rows, key=lambda row: row in long)
     )
-    return _rearranged(text, [*chain(*blocks)], options, "a row for each channel")
+    return _rearranged(text, chain(*blocks), options, "a row for each channel")
 
 
 def _without_notes_beside(text: Text, head: Sequence[str], options: FileOptions) -> Table | None:
