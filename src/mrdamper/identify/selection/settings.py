@@ -47,7 +47,7 @@ class SelectionSettings:
 
     # Comparison of two candidates of a law by the cross-validation gain and Student's t of the gain over the
     # folds. A candidate is better if gain and t exceed ``cv_gain_min`` and ``cv_gain_t_min``, or the two
-    # small limits. A large training gain replaces the large t. It also prevents the removal of a term.
+    # small limits. If folds are motions, ``confirming_training_gain_min`` replaces the t and keeps a term.
     # A different law is better if its gain exceeds ``small_cv_gain_min``.
     cv_gain_min: float = 0.01
     cv_gain_t_min: float = 1.0
