@@ -21,6 +21,7 @@ class ReadingSettings:
     table_rows_min: int = 10  # A table with fewer rows of numbers contains results, not samples.
     header_lines_max: int = 400  # The first row of a text or a sheet is within these lines.
     element_count_max: int = 4096  # elements of a list or struct array in which signals are searched
+    empty_record_columns_min: int = 3  # A single line with this many names is a header without samples.
 
     # Missing samples inside a channel are interpolated up to these limits.
     missing_ratio_max: float = 0.01

@@ -63,7 +63,11 @@ def read_text(path: Path | Text, options: FileOptions) -> Table:
             return table
     delimiter, first = find_data(head, options.delimiter)
     if first is None:
-        raise NoTableError(
+        # If the only line consists of column names, it is the header of a record without samples.
+        lines = [line for line in head if line.strip() and not line.startswith("#")]
+        widths = [len(split_line(line, sign)) for line in lines for sign in DELIMITERS[:-1]]
+        is_empty_record = len(lines) == 1 and max(widths) >= SETTINGS.empty_record_columns_min
+        raise (InputError if is_empty_record else NoTableError)(
             place=text.place,
             found=f"no rows of numbers in the first {len(head)} lines",
             expected="a header and at least two columns, separated by comma, semicolon, tab, bar or blanks",

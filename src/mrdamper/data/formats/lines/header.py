@@ -27,6 +27,7 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, is_any_unit, roles_of_unit
 
 _COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
+_SPARSE = re.compile(r"(events?|markers?|comments?|remarks?|notes?)", re.IGNORECASE)
 _LEAD = re.compile(r"^\s*[^\W\d]+(?:\s+[^\W\d]+)?\s*[:=]\s*")  # label of a list, "columns: "
 _THOUSANDS = re.compile(r"[+-]?\d{1,3},\d{3}")
 _DECIMAL = re.compile(r"([+-]?\d+),(\d+)")
@@ -183,6 +184,9 @@ def _header_of_rows(lines: Sequence[str], first: int, delimiter: str) -> Header:
     of these columns: ``0.5 A: name [unit]``. A command applies up to the column of the next command.
     """
     cells = split_line(lines[first], delimiter)
+    named = split_line(lines[first - 1], delimiter) if first else []
+    if len(named) == len(cells) + 1 and _SPARSE.fullmatch(named[-1]):
+        cells = [*cells, ""]  # The first row has no cell in the column of events.
     count = len(cells)
     filled = max((k + 1 for k, cell in enumerate(cells) if cell), default=count)
     rows: list[tuple[int, list[str]]] = []
