@@ -177,7 +177,7 @@ def fit(
     only: Sequence[str] = (), hold_out: Sequence[str] = (), posterior: int = 0, one_command: bool = False,
     terms: Sequence[Literal["friction", "mass", "viscosity", "thinning", "gas", "orifice", "bristles",
     "spread", "stribeck", "memory", "position", "curvature", "stiffness", "asymmetry", "flow-asymmetry",
-    "gas-volume", "leak", "play", "follow", "none"]] | None = None,
+    "gas-volume", "leak", "play", "creep", "bypass", "knee", "cavity", "follow", "none"]] | None = None,
     temperature: Literal["auto", "none", "arrhenius", "reynolds", "vft", "paper"] = "auto",
     jobs: int | None = None, on_progress: Progress | None = None,
 ) -> FitResult:
@@ -206,8 +206,8 @@ def fit(
     one_command : Accept runs that all have the same current. The model is then valid only for this current.
     terms : Add a term to the model: friction, mass, viscosity, thinning or gas. The model chain also has
         orifice, bristles, spread, stribeck, memory, position, curvature, stiffness, asymmetry,
-        flow-asymmetry, gas-volume, leak, play and follow. Use none for a model without terms. Repeatable.
-        Default: friction, and thinning if the runs have several temperatures.
+        flow-asymmetry, gas-volume, leak, play, creep, bypass, knee, cavity and follow. Use none for a model
+        without terms. Repeatable. Default: friction, and thinning if the runs have several temperatures.
     temperature : Use this temperature dependence of the parameters. The choice auto is arrhenius if the runs
         have several temperatures, otherwise none.
     jobs : Use this number of parallel processes. The result does not depend on it. Default: all cores.

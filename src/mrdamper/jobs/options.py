@@ -115,7 +115,7 @@ RunNames = Annotated[tuple[str, ...], Option(metavar="GLOB", most_items=20_000, 
 Term = Literal[
     "friction", "mass", "viscosity", "thinning", "gas", "orifice", "bristles", "spread", "stribeck", "memory",
     "position", "curvature", "stiffness", "asymmetry", "flow-asymmetry", "gas-volume", "leak", "play",
-    "follow", "none",
+    "creep", "bypass", "knee", "cavity", "follow", "none",
 ]  # fmt: skip
 """Terms of a hysteresis model."""
 
@@ -193,7 +193,7 @@ class FitOptions:
     ] = None
     """Add a term to the model: friction, mass, viscosity, thinning or gas. The model chain also has orifice,
     bristles, spread, stribeck, memory, position, curvature, stiffness, asymmetry, flow-asymmetry, gas-volume,
-    leak, play and follow. Use none for a model without terms. Repeatable."""
+    leak, play, creep, bypass, knee, cavity and follow. Use none for a model without terms. Repeatable."""
     temperature: Annotated[Temperature, Option(label="Temperature dependence")] = "auto"
     """Use this temperature dependence of the parameters. The choice auto is arrhenius if the runs have
     several temperatures, otherwise none."""
