@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mrdamper.data.proposal.documents import rejected_in
 from mrdamper.data.proposal.questions import AskingError
 from mrdamper.data.readers import read_each, read_runs
 from mrdamper.data.words.signs import signs_in
@@ -771,7 +772,7 @@ def test_remarks_on_samples_are_read_quickly(tmp_path):
     assert taken(lambda: read_runs(tmp_path)) < 5.0
 
 
-REJECTIONS = {
+REJECTIONS: dict[str, str] = {
     "list": "Runs 1 and 2 are good. Run 3 was aborted.",
     "row": "run;remark\n1;ok\n2;ok\n3;ungültig, Anschlag berührt\n",
     "column": "run;valid\n1;yes\n2;yes\n3;no\n",
@@ -815,6 +816,31 @@ def test_discarded_folder_is_listed_not_read(tmp_path):
     runs = read_runs(tmp_path)
     assert_read(runs)
     assert sum(finding.kind == "no_run" for finding in runs.findings) == len(NAMES)
+
+
+SENTENCES: dict[str, set[int]] = {
+    "run_2 was aborted, pump failure": {2},
+    "Discarded: run_2 and run_3": {2, 3},
+    "Do not use run_2.": {2},
+    "ne pas utiliser run_2": {2},
+    "Runs 2 and 3 are unusable": {2, 3},
+    "run_3 比較用（MRダンパではない）": {3},
+    "The heater was not used in run_2.": set(),
+    "After an aborted attempt run_2 was recorded.": set(),
+    "The calibration is invalid before run_3": set(),
+    "run_3: oil not invalid": set(),
+    "run_2: the heater was not used": set(),
+    "run_3 電流は 0.5 A ではない": set(),
+    "Discarded samples at the start of run_2 (1 s)": set(),
+}
+
+
+@pytest.mark.parametrize("sentence", SENTENCES)
+def test_only_rejected_runs_are_left_out(sentence):
+    """A sentence rejects a run only if the run is its subject, or the object of an instruction."""
+    files = [Path(f"/lab/run_{number}.csv") for number in range(1, 6)]
+    rejected = rejected_in(Path("/lab/notes.txt"), [sentence], files, is_run=False)
+    assert {*rejected} == {files[number - 1] for number in SENTENCES[sentence]}
 
 
 def test_groups_without_measurement_are_listed(tmp_path):

@@ -142,8 +142,8 @@ class _Files:
             found = [(), *map(self.by_number, cells[1:])]
         return found if len({*found} - {()}) > 1 else []
 
-    def in_list(self, text: str) -> list[Path]:
-        """Return the files of the subject of a text: its only name or list, such as "runs 3, 5 and 7"."""
+    def in_list(self, text: str) -> tuple[list[Path], str, str]:
+        """Return the files of the only name or list in a text, such as "runs 3, 5 and 7", and its ends."""
         names = "|".join(map(re.escape, sorted(self.names, key=len, reverse=True))) or "(?!)"
         named = ("", rf"[`'\"]?(?:{names})[`'\"/]*", self.in_cell)
         for before, item, owners in (named, (rf"(?:{_RUN})s?[\s_.#-]{{0,2}}", r"\d{1,9}", self.by_number)):
@@ -152,8 +152,9 @@ class _Files:
             if len(found) == 1 and re.search(r"[\W\d_]", found[0][0]):
                 clause = re.split(r"[,;:|\t(]", text[: found[0].start()])[-1]
                 words = re.split(_LINK, found[0][1]) if len(clause.split()) <= 3 else []
-                return [file for word in words for file in owners(word.strip("`'\"/"))]
-        return []
+                listed = [file for word in words for file in owners(word.strip("`'\"/"))]
+                return listed, text[: found[0].start()], text[found[0].end() :]
+        return [], "", ""
 
     def are_others(self, words: Sequence[str]) -> bool:
         """Return True if a word is the name of a file that is not in the folder, such as a deleted run."""
@@ -219,10 +220,16 @@ def rejected_in(path: Path, lines: Sequence[str], files: Sequence[Path], *, is_r
     sentences = [part for line in lines for part in _SENTENCE_END.split(line)]
     known = _Files(files, path.parent)
     rejections = {line: found for line in sentences if (found := rejection_in(line))}
-    listed = {
-        line: known.in_list(line[: found.start()]) or known.in_list(line[found.end() :])
-        for line, found in rejections.items()
-    }
+    listed: dict[str, list[Path]] = {}
+    for line, found in rejections.items():
+        subject, _, gap = known.in_list(line[: found.start()])  # "run_2 was aborted"
+        is_near = len(re.findall(r"\w+", gap)) <= 2 - (":" in gap) or re.search(r"[-–,;(]\s*$", gap)
+        is_said = is_near and not re.search(r"\d|\b(?:not?|nicht|kein\w*|ne|pas)\b", gap)
+        others, before, after = known.in_list(
+            re.sub(r"^\w+", "", line[found.end() :])
+        )  # "Do not use run_2, pump failure"
+        is_asked = not re.search(r"\w", line[: found.start()] + before) and not re.match(r"\s*\w", after)
+        listed[line] = (subject if is_said else []) or (others if is_asked else [])
     # A sentence may name a run that it does not reject: "`sim` is a model of run_3, not a measurement".
     clear = [line for line in sentences if listed.get(line, True) or not known.in_line(line)]
     about = _lines_by_file(path, clear, files, is_run=is_run)

@@ -138,9 +138,8 @@ def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: PurePath) 
     channels, constant, rate = dict(chosen.channels), dict(chosen.constant), chosen.rate_Hz
     file_options = chosen.file
     for answer in answers:
-        if not fnmatchcase(
-            f"/{file.as_posix()}", f"*/{answer.files}"
-        ):  # A pattern of the last parts of the path.
+        # The pattern fits the last parts of the path.
+        if not fnmatchcase(f"/{file.as_posix()}", f"*/{answer.files}"):
             continue
         channel = channels.get(answer.role) or Channel(answer.role)
         if answer.topic == "unit":

@@ -285,15 +285,16 @@ def rates_in(lines: Iterable[str]) -> tuple[float, ...]:
 
 _REJECTED = re.compile(
     r"(?i)(?:\b(?:(?:do not|don.t|not to|not (?:to )?be) (?:use|evaluate|analy)|(?:is|are|was|were) not used"
-    r"|not (?:a |for )(?:run|measurement|test|use|evaluation|analysis)\b|for (?:the )?records? only|unusable"
+    r"|not (?:a |for )(?:run|measurement|test|use|evaluation|analysis)\b(?! of)"
+    r"|for (?:the )?records? only|unusable"
     r"|(?:discard|reject|abort|spoil)(?:ed|t)\b|invalid\b|nicht (?:zu )?(?:verw|auswert|benutz|brauchb|gült)"
-    r"|(?:noise|zero) (?:check|test)|not an? MR\b|kein MR\b|pas un MR\b|no es MR\b"
+    r"|not an? MR\b|kein MR\b"
     r"|unbrauchbar|ungültig|verworfen|fehlversuch|abgebrochen|ne pas (?:exploit|utilis|d[ée]pouill)|raté"
     r"|inexploitable|inutilisable|pour information|n(?:o|ão) (?:usar|utili[sz])|non (?:usare|utilizz)"
     r"|descartad|scartat|inv[áa]lid[aoe]|anulad|annullat|nie (?:używa|bra)|odrzucon|nieważn|nepouží|neplatn"
     r"|ne használ|érvénytelen|geçersiz|не использ|брак\b|недейств|kassera|ogiltig|ugyldig|hylätty|ongeldig"
     r"|(?:without|ohne|sans|sin|sem|senza|bez|zonder|utan|uten) (?:\w{1,3}\W)?(?:d[äa]mp|demp|am+ort|tłum))"
-    r"|作废|废弃|无效|不使用|不是|ではない|ノイズ確認|無効|破棄|使用しない|무효|폐기)(?!\w*\s*[:=]\s*(?:0|no|none|false)\b)"
+    r"|作废|废弃|无效|不使用|不是\s?MR|MR\w*ではない|ノイズ確認用|無効|破棄|使用しない|무효|폐기)(?!\w*\s*[:=]\s*(?:0|no|none|false)\b)"
     r"|\b(?:valid|ok|usable|gültig|valide|válid[oa])\s*[:=]\s*(?:no|n|0|false|nein|non|nie|não)\b"
 )
 # The run is valid if a part of it or a correction is meant, or a spoiled run that it replaces.

@@ -47,12 +47,12 @@ class SelectionSettings:
 
     # Comparison of two candidates of a law by the cross-validation gain and Student's t of the gain over the
     # folds. A candidate is better if gain and t exceed ``cv_gain_min`` and ``cv_gain_t_min``, or the two
-    # small limits. If folds are motions, ``confirming_training_gain_min`` replaces the t and keeps a term.
-    # A different law is better if its gain exceeds ``small_cv_gain_min``.
+    # small limits. A different law is better if its gain exceeds ``small_cv_gain_min``.
     cv_gain_min: float = 0.01
     cv_gain_t_min: float = 1.0
     small_cv_gain_min: float = 0.003
     small_cv_gain_t_min: float = 2.0
+    # If folds are motions, a larger training gain replaces the large t, and no such term is removed.
     confirming_training_gain_min: float = 0.02
 
     # Backward elimination
