@@ -71,12 +71,12 @@ class Inference:
         return f"{self.run}: {self.role} {value}, from the {self.source}"
 
 
-def no_run(name: str, reason: str) -> Finding:
+def no_run(name: str, reason: str, severity: Severity = "note") -> Finding:
     """Return the finding that a file, or a part of a file, is not read as a run."""
     found = f"{name} {reason} and is not read as a run"
     effect = "Only its statements about runs are used"
     remedy = "Read this file alone to see why it is not a run"
-    return Finding("no_run", found, effect, remedy, severity="note", run=name)
+    return Finding("no_run", found, effect, remedy, severity=severity, run=name)
 
 
 def by_kind(findings: Sequence[Finding]) -> list[tuple[Finding, int]]:

@@ -180,7 +180,7 @@ def _read_all(
     runs = tuple(recording for _, file in named_files for recording in file.recordings)
     beside = {file.path.name: no_run(file.path.name, "has no samples of a damper") for file in ignored}
     beside |= {document.path.name: document.finding for document in documents if document.lines}
-    left_out = [no_run(path.name, reason) for path, reason in rejected.items()]
+    left_out = [no_run(path.name, reason, "warning") for path, reason in rejected.items()]
     return ReadFiles(named_files, faulty, runs, (*beside.values(), *left_out, *logs.values()))
 
 

@@ -249,7 +249,7 @@ class Damper:
 
     def _value(self, name: str, at: FloatArray, kelvin: FloatArray | None) -> FloatArray:
         form, admissible = self.coefficients[name], self.law[name]
-        if self.limited and isinstance(form, Constant):
+        if self.limited and isinstance(form, Constant):  # The usual case needs no operations on arrays.
             return np.array([min(max(form.number, admissible.lower), admissible.upper)])
         values = form.value(at[:1] if isinstance(form, Constant) else at, kelvin)
         if self.limited:

@@ -143,7 +143,7 @@ class _Files:
         return found if len({*found} - {()}) > 1 else []
 
     def in_list(self, text: str) -> tuple[list[Path], str, str]:
-        """Return the files of the only name or list in a text, such as "runs 3, 5 and 7", and its ends."""
+        """Return the files of the only list or name ("runs 3, 5 and 7"), and the text before and after it."""
         names = "|".join(map(re.escape, sorted(self.names, key=len, reverse=True))) or "(?!)"
         named = ("", rf"[`'\"]?(?:{names})[`'\"/]*", self.in_cell)
         for before, item, owners in (named, (rf"(?:{_RUN})s?[\s_.#-]{{0,2}}", r"\d{1,9}", self.by_number)):
@@ -222,12 +222,12 @@ def rejected_in(path: Path, lines: Sequence[str], files: Sequence[Path], *, is_r
     rejections = {line: found for line in sentences if (found := rejection_in(line))}
     listed: dict[str, list[Path]] = {}
     for line, found in rejections.items():
-        subject, _, gap = known.in_list(line[: found.start()])  # "run_2 was aborted"
+        # "run_2 was aborted": the name is at most two words before the rejection, or in another clause.
+        subject, _, gap = known.in_list(line[: found.start()])
         is_near = len(re.findall(r"\w+", gap)) <= 2 - (":" in gap) or re.search(r"[-–,;(]\s*$", gap)
         is_said = is_near and not re.search(r"\d|\b(?:not?|nicht|kein\w*|ne|pas)\b", gap)
-        others, before, after = known.in_list(
-            re.sub(r"^\w+", "", line[found.end() :])
-        )  # "Do not use run_2, pump failure"
+        # "Do not use run_2, pump failure": the sentence consists of the rejection, the name and a remark.
+        others, before, after = known.in_list(re.sub(r"^\w+", "", line[found.end() :]))
         is_asked = not re.search(r"\w", line[: found.start()] + before) and not re.match(r"\s*\w", after)
         listed[line] = (subject if is_said else []) or (others if is_asked else [])
     # A sentence may name a run that it does not reject: "`sim` is a model of run_3, not a measurement".

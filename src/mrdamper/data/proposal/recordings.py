@@ -71,7 +71,7 @@ def runs_in(
     ``notes`` are all lines of documents, which may explain columns and the sampling rate.
     """
     spoiled = spoiled_tables(tables, notes, file.name)
-    omitted = [no_run(tables[k].title, reason) for k, reason in spoiled.items()]
+    omitted = [no_run(tables[k].title, reason, "warning") for k, reason in spoiled.items()]
     explaining = [*notes, *(line for table in tables[:1] for lines in table.lists.values() for line in lines)]
     tables = [
         converted(explained(table, explaining, chosen, file.name), notes, chosen)

@@ -18,7 +18,7 @@ class SelectionSettings:
     """
 
     # Amount of data in the fits of the selection
-    samples_max: int = 9_000  # max number of simulated samples in all fitted sections (windows) of runs
+    samples_max: int = 9_000  # max number of simulated samples in all windows (9 s for a fit of 20 runs)
     screening_fraction: float = 1.0 / 3.0  # A quick first fit uses at most this fraction of ``samples_max``.
     # The model selection is repeated with more windows if the error of the chosen candidate on all runs
     # exceeds this multiple of its error on the windows.
@@ -52,7 +52,7 @@ class SelectionSettings:
     cv_gain_t_min: float = 1.0
     small_cv_gain_min: float = 0.003
     small_cv_gain_t_min: float = 2.0
-    # If folds are motions, a larger training gain replaces the large t, and no such term is removed.
+    # If folds are motions, a larger training gain replaces the large t and keeps a term (UTFPR runs).
     confirming_training_gain_min: float = 0.02
 
     # Backward elimination
