@@ -293,24 +293,28 @@ def test_force_at_rest_follows_fraction_of_yield_force(share):
 def test_chain_law_creeps_below_yield_force():
     """If the knee is sharp, the force is speed divided by creep, but at most the yield force.
 
-    With a bypass instead of creep, the force is (speed / bypass coefficient)^2.
+    With a bypass instead of creep, the force is (speed / bypass coefficient)^2, times the relative resistance
+    of the direction of motion.
     """
     for level in (200.0, 800.0):
-        for speed in (5e-4, 2e-3, 0.05):
+        for speed in (5e-4, 2e-3, 0.05, -5e-4, -2e-3, -0.05):
             d = bare("chain", yield_force=level, yield_velocity=1e-9, creep=5e-6, knee=1.0,
                      gap_stiffness=1e9, leak_damping=0.0)  # fmt: skip
             time = np.arange(301, dtype=np.float64) * 1e-3
             v, still = np.full(301, speed), np.zeros(301)
             force = simulate(d, Trajectory(1e-3, np.asarray(speed * time), v, still, still))
-            assert force[-1] == pytest.approx(min(speed / 5e-6, level), rel=2e-3)
+            assert force[-1] == pytest.approx(np.clip(speed / 5e-6, -level, level), rel=2e-3)
             past = {key: d.coefficients[key] for key in d.coefficients} | {
                 "creep": Constant(0.0),
                 "bypass": Constant(2e-3),
+                "flow_asymmetry": Constant(0.6),
             }
             force = simulate(
                 Damper(LAWS["chain"], past), Trajectory(1e-3, np.asarray(speed * time), v, still, still)
             )
-            assert force[-1] == pytest.approx(min((speed / 2e-3) ** 2, level), rel=5e-3)
+            direction = np.sign(speed)
+            resistance = (1.0 + 0.6 * direction) * (speed / 2e-3) ** 2
+            assert force[-1] == pytest.approx(direction * min(resistance, level), rel=5e-3)
 
 
 @pytest.mark.system

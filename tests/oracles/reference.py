@@ -183,9 +183,10 @@ def _chain_bristles(q: float, y: float, c: Values) -> list[tuple[float, float]]:
 def _chain_valve(y: float, q: float, c: Values) -> float:
     """Return the force of the chain's valve without its bristles [N]."""
     growth = 1.0 + c["position_gain"] * q + c["position_curvature"] * q**2
+    side = 1.0 + math.copysign(c["flow_asymmetry"], y)
     linear, root = (
         c["yield_velocity"] + c["creep"] * c["yield_force"],
-        c["bypass"] * math.sqrt(c["yield_force"]),
+        c["bypass"] * math.sqrt(c["yield_force"] / side),
     )
     u = (math.sqrt((0.5 * root) ** 2 + linear * abs(y)) - 0.5 * root) ** 2 / linear**2
     u = math.copysign(u, y) if root else y / linear
@@ -193,7 +194,6 @@ def _chain_valve(y: float, q: float, c: Values) -> float:
     t = math.tanh(u) + c["knee"] * (line - math.tanh(u))
     viscoplastic = c["yield_force"] * (1.0 - c["bristle_share"]) * (1.0 + c["asymmetry"] * t) * t
     size = c["thinning"] * c["yield_force"] + c["thinning_force"]
-    side = 1.0 + math.copysign(c["flow_asymmetry"], y)
     thinning = math.copysign(math.pow(abs(y) / c["reference_speed"], c["thinning_exponent"]), y) * size * side
     gas = c["gas_force"] * math.pow(1.0 + q / c["gas_length"], -1.3)
     return (

@@ -175,7 +175,7 @@ _CHAIN: tuple[Coefficient, ...] = (
     ),
     _term("orifice", "N s^2/m^2", "orifice force divided by the square of the speed", 0.0),
     _term("asymmetry", "-", "yield force in extension / mean of both directions, minus one", 0.0, -0.5, 0.5),
-    _term("flow_asymmetry", "-", "thinning and orifice in extension / mean, minus one", 0.0, -0.9, 0.9),
+    _term("flow_asymmetry", "-", "resistance of flow paths in extension / mean, minus one", 0.0, -0.9, 0.9),
     _term("position_gain", "1/m", "relative increase of the valve force per displacement", 0.0, -math.inf),
     _term(
         "position_curvature", "1/m^2", "relative increase of valve force per displacement^2", 0.0, -math.inf

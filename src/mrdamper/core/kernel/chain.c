@@ -10,7 +10,7 @@
  *       + (1 + af sgn y) (G (rK Y + K) |y/v0|^m sgn y + cq |y| y)                shear thinning, orifice
  *       + f1 + f2 + f3 + f4 + f5                                                 bristles: pre-yield, friction, memory
  *     G = 1 + b1 q + b2 q^2;  t = (1 - w) tanh u + w C(u), C a straight line to a corner at 1
- *     y = (v1 + mu Y) u + bp (Y u)^1/2                                            creep, and flow through a bypass
+ *     y = (v1 + mu Y) u + bp (Y u / (1 + af sgn y))^1/2                           creep, and flow through a bypass
  *
  * The cavity (L > 0; otherwise z = 0): H is the force of the gas charge of length L on the piston. The chamber
  * that the valve fills during retraction contains free gas, which has the length l at the pressure of the charge.
@@ -47,8 +47,8 @@ static const double CHAIN_SHARE[PRE_YIELD] = {0.5, 0.25, 0.25}, CHAIN_APART[PRE_
 /* Coefficients and state of PACK lanes. A disabled bristle has a level but no stiffness, hence no force. */
 typedef struct {
     pack c[CH_COUNT], per[CH_COUNT]; /* coefficients and their inverses; 0 is the inverse of a value near zero */
-    pack yield_velocity, per_velocity, bypass, level[BRISTLES], per_level[BRISTLES], stiffness[BRISTLES];
-    pack per_side[2];         /* 1 / (1 + as sgn y), for retraction and extension */
+    pack yield_velocity, per_velocity, level[BRISTLES], per_level[BRISTLES], stiffness[BRISTLES];
+    pack per_side[2], bypass[2]; /* 1 / (1 + as sgn y), bp (Y / (1 + af sgn y))^1/2; for retraction and extension */
     compliance compliance;
     pack_mask plastic, cavity_on, bypass_on, gas_on;
     int some_plastic, some_cavity, some_bypass, some_gas, thins, knee, fades, bristle_on[BRISTLES];
@@ -125,7 +125,10 @@ static void chain_set(chain_state *l)
     l->compliance = compliance_of(c + CH_SPRING, l->per[CH_SPEED]);
     l->yield_velocity = c[CH_VELOCITY] + c[CH_CREEP] * c[CH_YIELD];
     l->per_velocity = only(is_less(pack_of(CHAIN_LEAST), l->yield_velocity), 1.0 / l->yield_velocity);
-    l->bypass = l->some_bypass ? only(l->bypass_on, c[CH_BYPASS] * root_of(c[CH_YIELD])) : pack_of(0.0);
+    for (int side = 0; side < 2; side++) {
+        const pack flow = 1.0 + (2.0 * side - 1.0) * c[CH_FLOW_ASYMMETRY];
+        l->bypass[side] = l->some_bypass ? only(l->bypass_on, c[CH_BYPASS] * root_of(c[CH_YIELD] / flow)) : pack_of(0.0);
+    }
     const pack apart = some_lane(c[CH_SPREAD]) ? exp_of(c[CH_SPREAD]) : pack_of(1.0);
     const pack stiff[PRE_YIELD] = {c[CH_BRISTLE], c[CH_BRISTLE] * apart, c[CH_BRISTLE] / apart};
     for (int j = 0; j < PRE_YIELD; j++) {
@@ -205,12 +208,12 @@ static void chain_prepare(const chain_state *l, pack h, pack v, int first, chain
 }
 
 /* Compute u(|y|). */
-IN_LANES void chain_flow(const chain_state *l, pack size, chain_point *p)
+IN_LANES void chain_flow(const chain_state *l, pack size, pack_mask back, chain_point *p)
 {
     p->u = size * l->per_velocity;
     p->u_slope = l->per_velocity;
     if (l->some_bypass) {
-        const pack yield = l->yield_velocity, b = l->bypass;
+        const pack yield = l->yield_velocity, b = choose(back, l->bypass[0], l->bypass[1]);
         const pack root = 2.0 * size / (b + root_of(b * b + 4.0 * yield * size));
         p->u = choose(l->bypass_on, root * root, p->u);
         p->u_slope = choose(l->bypass_on, 2.0 * root / (2.0 * yield * root + b), p->u_slope);
@@ -256,7 +259,7 @@ IN_LANES pack chain_residual(const chain_state *l, const chain_step *s, pack y, 
     p->y = y;
     p->u = p->u_slope = p->t = p->t_slope = p->sharper = p->power = p->log_size = none;
     if (l->some_plastic) {
-        chain_flow(l, size, p);
+        chain_flow(l, size, back, p);
         chain_yield(l, 1.0 / (1.0 + p->decay), side, p);
         force += s->viscoplastic * (1.0 + c[CH_ASYMMETRY] * p->t) * p->t;
         slope += s->viscoplastic * (1.0 + 2.0 * c[CH_ASYMMETRY] * p->t) * p->t_slope * p->u_slope;
@@ -381,8 +384,11 @@ static void chain_valve_partials(const chain_state *l, const chain_step *s, cons
     by[CH_CREEP] = by[CH_VELOCITY] * c[CH_YIELD];
     by[CH_YIELD] = s->gain * ((1.0 - c[CH_SHARE]) * yielded + c[CH_THINNING] * p->power) + by[CH_VELOCITY] * c[CH_CREEP];
     const pack by_bypass = only(is_positive(p->u), by[CH_VELOCITY] / root_of(greater_of(p->u, pack_of(1e-300))));
-    by[CH_BYPASS] = by_bypass * root_of(c[CH_YIELD]);
-    by[CH_YIELD] += by_bypass * 0.5 * l->bypass * per[CH_YIELD];
+    const pack bypass = choose(back, l->bypass[0], l->bypass[1]);
+    by[CH_BYPASS] = by_bypass * root_of(c[CH_YIELD] / flow);
+    by[CH_YIELD] += by_bypass * 0.5 * bypass * per[CH_YIELD];
+    const pack narrower = by_bypass * 0.5 * bypass / flow;
+    by[CH_FLOW_ASYMMETRY] += choose(back, narrower, -narrower);
     by[CH_POSITION] = only(moving, shaped * q);
     by[CH_CURVATURE] = by[CH_POSITION] * q;
     if (!l->some_gas) return;

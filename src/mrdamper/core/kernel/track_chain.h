@@ -36,7 +36,7 @@ typedef struct {
     mrd_real gain, gain_slope;     /* factor G on the valve force, dG/dq */
     mrd_real rest, rest_slope;     /* force of offset, spring and gas, and d force / dq */
     mrd_real viscoplastic, thinning, slowness; /* factors of these two valve terms; inverse yield velocity */
-    mrd_real bypass;               /* bypass term of the yield, scaled by slowness */
+    mrd_real bypass[2];            /* bypass term of the yield, scaled by slowness, in retraction and extension */
     mrd_real level[LINK_GROUPS], rate[LINK_GROUPS]; /* levels of bristles; travel in a step at 1 m/s / yield travel */
     mrd_real before[MRD_TRACK_BRISTLES];
     mrd_real factor[2], follows[2], ratio[2]; /* immediate change of bristle forces with their level */
@@ -119,10 +119,10 @@ static void link_cavity(const link_step *s, link_point *p)
     p->cavity_slope = -p->length / p->by_cavity * p->force_slope;
 }
 
-/* Solve u + bypass * u^1/2 = slowness * speed for u; *slope receives du / d speed. */
-static mrd_real risen_at(const link_step *s, mrd_real speed, mrd_real *slope)
+/* Solve u + bypass * u^1/2 = slowness * |y| for u; *slope receives du / d|y|. */
+static mrd_real risen_at(const link_step *s, mrd_real y, mrd_real *slope)
 {
-    const mrd_real v = s->slowness * speed, bypass = s->bypass;
+    const mrd_real v = s->slowness * magnitude(y), bypass = s->bypass[y < R(0.0) ? 0 : 1];
     *slope = s->slowness;
     if (!(bypass > R(0.0))) return v;
     const mrd_real root = R(2.0) * v / (bypass + square_root(bypass * bypass + R(4.0) * v));
@@ -158,8 +158,11 @@ static void link_prepare(const mrd_track *c, const valve_chain *chain, const mrd
     s->level[LINK_PRE_YIELD] = amplitude * k[MRD_CHAIN_SHARE];
     s->viscoplastic = amplitude - s->level[LINK_PRE_YIELD];
     s->slowness = k[MRD_CHAIN_SLOWNESS] / (R(1.0) + k[MRD_CHAIN_SLOWNESS] * k[MRD_CHAIN_CREEP] * yield);
-    s->bypass = s->slowness * k[MRD_CHAIN_BYPASS];
-    if (s->bypass > R(0.0)) s->bypass *= square_root(yield);
+    for (int side = 0; side < 2; side++) {
+        const mrd_real flow = R(1.0) + (R(2.0) * (mrd_real)side - R(1.0)) * k[MRD_CHAIN_FLOW_ASYMMETRY];
+        s->bypass[side] = s->slowness * k[MRD_CHAIN_BYPASS];
+        if (s->bypass[side] > R(0.0)) s->bypass[side] *= square_root(yield / flow);
+    }
     s->thinning = s->gain * (k[MRD_CHAIN_THINNING] * yield + now->at[MRD_PLANE_THINNING]);
     s->level[LINK_FRICTION] = k[MRD_CHAIN_FRICTION];
     if (k[MRD_CHAIN_EXCESS] > R(0.0))
@@ -174,13 +177,13 @@ static void link_prepare(const mrd_track *c, const valve_chain *chain, const mrd
     s->before[CHAIN_MEMORY] = s->factor[1] * w->bristle[CHAIN_MEMORY];
 }
 
-/* Return the fraction of the yield force at a speed: tanh, partly blended with a straight line that has a corner at 1.
- * *slope receives the slope. */
-static mrd_real yield_side(const link_step *s, mrd_real speed, mrd_real *risen, mrd_real *slope)
+/* Return the fraction of the yield force at the speed |y|: tanh, partly blended with a straight line that has a corner
+ * at 1. *slope receives the slope. */
+static mrd_real yield_side(const link_step *s, mrd_real y, mrd_real *risen, mrd_real *slope)
 {
     static const mrd_real sharpness = R(20.0), rounding = R(0.05);
     mrd_real rise, pulled, pushed;
-    const mrd_real u = risen_at(s, speed, &rise), knee = s->k->at[MRD_CHAIN_KNEE];
+    const mrd_real u = risen_at(s, y, &rise), knee = s->k->at[MRD_CHAIN_KNEE];
     mrd_real side = lookup_at(&s->t->side, u);
     *risen = u;
     *slope = (R(1.0) - side * side) * rise;
@@ -241,7 +244,7 @@ static mrd_real link_balance(const link_step *s, mrd_real y, link_point *p)
     const mrd_real flow = sign + k[MRD_CHAIN_FLOW_ASYMMETRY], grown = flow * sign; /* sign^2 is 1 */
     const mrd_real orifice = grown * k[MRD_CHAIN_ORIFICE] * size, moved = s->rest_slope * s->h;
     mrd_real power_slope;
-    const mrd_real t = sign * yield_side(s, size, &p->risen, &p->side_slope);
+    const mrd_real t = sign * yield_side(s, y, &p->risen, &p->side_slope);
     p->y = y;
     p->side = t;
     p->power = flow * power_at(&s->t->thinning, size, &power_slope);
@@ -327,7 +330,7 @@ static void link_slopes_of(const link_step *s, const link_point *p, const link_l
     const mrd_real grows = yield > R(0.0) ? yield_slope / yield : R(0.0);
     const mrd_real stiffens = stiffness > R(0.0) ? now->slope[MRD_PLANE_BRISTLE] / stiffness - grows : R(0.0);
     const mrd_real slower = p->risen * k[MRD_CHAIN_CREEP] * yield_slope
-                          + (s->bypass > R(0.0) ? R(0.5) * (size - p->risen / s->slowness) * grows : R(0.0));
+                          + (k[MRD_CHAIN_BYPASS] > R(0.0) ? R(0.5) * (size - p->risen / s->slowness) * grows : R(0.0));
     d->by_travel = s->rest_slope + (s->viscoplastic * yielded + s->thinning * p->power) / s->gain * s->gain_slope;
     d->by_valve = s->viscoplastic * (yielded * grows - (R(1.0) + R(2.0) * as * p->side) * p->side_slope * sign * slower)
                 + s->gain * (k[MRD_CHAIN_THINNING] * yield_slope + now->slope[MRD_PLANE_THINNING]) * p->power;
@@ -472,7 +475,7 @@ static void chain_parts(const mrd_track *c, const mrd_track_state *s, axis_point
     link_step at;
     link_prepare(c, &k, &s->chain, &now, R(0.0), q, q, &at);
     series_parallel_forces(c->series, &k, s->v, s->a, &parts[1], &parts[2], &inertia);
-    const mrd_real t = sign * yield_side(&at, size, &risen, &slope), flow = sign + k.at[MRD_CHAIN_FLOW_ASYMMETRY];
+    const mrd_real t = sign * yield_side(&at, y, &risen, &slope), flow = sign + k.at[MRD_CHAIN_FLOW_ASYMMETRY];
     parts[0] = at.viscoplastic * (R(1.0) + k.at[MRD_CHAIN_ASYMMETRY] * t) * t + s->chain.bristle[CHAIN_MEMORY];
     for (int j = 0; j < CHAIN_PRE_YIELD; j++) parts[0] += s->chain.bristle[j];
     parts[1] += flow * (at.thinning * power_at(&c->series->thinning, size, &slope) + k.at[MRD_CHAIN_ORIFICE] * size * size);
