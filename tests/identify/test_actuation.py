@@ -224,6 +224,15 @@ def test_identified_hysteresis_deviates_by_few_standard_errors(play):
     assert (np.abs(deviations) < 4.0 * errors + 0.02 * play).all()
 
 
+def test_wide_hysteresis_is_found_from_random_current():
+    """Lags and hysteresis are fitted together, because both increase the force after a decrease of current."""
+    known = Actuation(0.0012, 0.0018, 0.0006, 0.0001, hysteresis_width_A=0.34)
+    run = simulate_runs(with_actuation(known), current=random_current(), motion=MOTIONS["sine15mm1Hz"])
+    result = fit(run)
+    assert result.actuation.hysteresis_width_A == pytest.approx(0.34, rel=0.03)
+    assert result.rmse_N < 3.0 * NOISE_N
+
+
 # Runs without usable steps
 
 

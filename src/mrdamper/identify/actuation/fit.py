@@ -40,6 +40,7 @@ from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
 from mrdamper.models.simulate import simulate
+from mrdamper.runtime.pool import Pool, thread_count
 
 _FOLLOW_SHARE = "follow_share"  # Name of the coefficient in some laws
 
@@ -144,6 +145,7 @@ def refine_actuation(
     current, or all runs if fewer than two have random current.
     """
     has_one_quadrant, largest = fit.driver_quadrants == 1, largest_command(runs)
+    pool = Pool(thread_count())
     still = replace(damper, actuation=None).on_limits()
     random_runs = [run for run in runs if _mean_hold_s(run) < 2.0 * settings.settling_time_s]
 
@@ -152,7 +154,8 @@ def refine_actuation(
         lagged = LaggedForces(still, training, settings.run_oversampling)
         return fit_parameters(lagged, start, form, settings, evaluation_count_max)
 
-    def test_error(form: Form, training: Sequence[PreparedRun], held_out: Sequence[PreparedRun]) -> float:
+    def test_error(test: tuple[Form, Sequence[PreparedRun], Sequence[PreparedRun]]) -> float:
+        form, training, held_out = test
         actuation = fit_form(form, training, settings.short_evaluation_count_max).actuation
         lagged = LaggedForces(still, held_out, settings.run_oversampling)
         return float(np.sum(lagged.residual(lagged.forces_at_lags(actuation)) ** 2))
@@ -161,7 +164,8 @@ def refine_actuation(
         first = random_runs[:2]
         if len(first) < 2:
             return damper, fit
-        saturating, simple = (test_error(form, first, first) for form in (TWO_LOOPS_FREE_WHEELING, SIMPLE))
+        tests = [(form, first, first) for form in (TWO_LOOPS_FREE_WHEELING, SIMPLE)]
+        saturating, simple = pool.map(test_error, tests)
         if saturating >= settings.saturation_ratio_max * simple:
             return damper, fit
     compared = random_runs if len(random_runs) > 1 else runs
@@ -170,9 +174,9 @@ def refine_actuation(
         return damper, fit
     folds = halves, halves[::-1]
     forms = [SATURATING, TWO_LOOPS, TWO_LOOPS_FREE_WHEELING, *([FREE_WHEELING] if has_one_quadrant else [])]
-    errors = {
-        form: sum(test_error(form, training, held_out) for held_out, training in folds) for form in forms
-    }
+    tests = [(form, training, held_out) for form in forms for held_out, training in folds]
+    first_errors, second_errors = np.reshape(list(pool.map(test_error, tests)), (-1, 2)).T
+    errors = dict(zip(forms, (first_errors + second_errors).tolist(), strict=True))
     weights = {form: 1.0 if "wide_hysteresis_width_A" in form else settings.one_loop_ratio for form in forms}
     best_form = min(forms, key=lambda form: weights[form] * errors[form])
     best = fit_form(best_form, runs, settings.evaluation_count_max)
@@ -193,10 +197,10 @@ def _fit_at_fixed_share(
 ) -> ActuationFit:
     """Fit delay, lags and hysteresis of a damper with a given value of ``follow_share``.
 
-    The lags are fitted to step responses if some runs have a constant command between steps, otherwise to
-    the force of whole runs. The hysteresis is estimated twice: from runs with a stepwise constant command,
-    and from runs whose command changes continuously. The larger estimate is used because overshoot and lags
-    hide a part of the hysteresis.
+    The lags are fitted to step responses if some runs have a constant command between steps. Otherwise lags
+    and hysteresis are fitted together to the force of whole runs. The hysteresis is estimated again from
+    settled samples at constant command, and from runs whose command changes continuously. The larger estimate
+    is used because overshoot and lags hide a part of the hysteresis.
     """
     still = damper.on_limits()
     measured = [(run, measure_step_responses(still, run, settings)) for run in runs]
@@ -205,11 +209,13 @@ def _fit_at_fixed_share(
         fit, times = fit_lags_to_responses(still, stepped, start, settings)
     else:
         moving = _runs_with_moved_force(still, runs, settings)
-        fit = fit_lags(LaggedForces(still, moving, settings.run_oversampling), start, settings)
+        fit = fit_lags(LaggedForces(still, moving, settings.run_oversampling), start, settings, SIMPLE)
         down_s = fit.actuation.response_time(STEP_FRACTION, 1.0, 0.0)
         times = ResponseTimes(MeanTime(math.nan), MeanTime(down_s))
-    lags = replace(fit.actuation, largest_command=largest_command(runs))
-    width, width_error = fit_hysteresis_at_levels(replace(still, actuation=lags), runs, settings)
+    lags = replace(fit.actuation, largest_command=largest_command(runs), hysteresis_width_A=0.0)
+    at_levels = fit_hysteresis_at_levels(replace(still, actuation=lags), runs, settings)
+    fitted = fit.actuation.hysteresis_width_A, fit.standard_errors.get("hysteresis_width_A", math.nan)
+    width, width_error = max(at_levels, fitted, key=itemgetter(0))
     lags = replace(lags, hysteresis_width_A=width)
     changing = [run for run, steps in measured if not steps and np.ptp(run.trajectory.command) > 0.0]
     # If the driver has one quadrant, free-wheeling of the current would be mistaken for hysteresis.

@@ -191,12 +191,23 @@ def fit_parameters(
     )
 
 
-def fit_lags(lagged: LaggedForces, start: Actuation | None, settings: ActuationSettings) -> ParameterFit:
-    """Fit delay and lags from ``start``. With None, the fit starts from several default values."""
+def fit_lags(
+    lagged: LaggedForces,
+    start: Actuation | None,
+    settings: ActuationSettings,
+    parameter_names: Sequence[str] = LAGS,
+) -> ParameterFit:
+    """Fit delay and lags from ``start``. With None, the fit starts from several default values.
+
+    ``parameter_names`` can also contain the half width of one hysteresis loop, which otherwise is zero.
+    """
     starts = [Actuation(lag_s, lag_s, 0.3 * lag_s, 0.1 * lag_s) for lag_s in settings.lag_start_s]
     if start is not None:
-        starts = [Actuation(start.rise_s, start.fall_s, start.second_s, start.delay_s)]
-    fits = Pool(thread_count()).map(lambda first: fit_parameters(lagged, first, LAGS, settings), starts)
+        values = {name: getattr(start, name) for name in parameter_names}
+        starts = [Actuation(**values)]
+    fits = Pool(thread_count()).map(
+        lambda first: fit_parameters(lagged, first, parameter_names, settings), starts
+    )
     return min(fits, key=lambda fit: fit.cost)
 
 
