@@ -57,7 +57,7 @@ class FitSettings:
     # Max iterations of a descent from a minimum that was perturbed or combined with a second minimum
     hop_iterations_max: int = 20
     failed_hop_count_max: int = 3  # The search ends after this number of rounds that do not reduce the cost.
-    minimum_count: int = 6  # number of best minima that are then refined by descents on all windows
+    minimum_count: int = 12  # number of best minima that are then refined by descents on all windows
 
     # Final fit to all runs
     start_count: int = 4  # number of descents, which start at the parameter sets with the smallest costs

@@ -77,11 +77,11 @@ class CandidateEvaluator:
         if any(run.run.constant_command is None for run in self.runs):
             samples_max = min(samples_max, data.settings.changing_samples_max)
         few = min(data.settings.screening_samples_max, settings.screening_fraction * samples_max)
-        self.windows, self.screening_windows = (
+        self.windows, self.search_windows, self.screening_windows = (
             representative_windows(
                 self.runs, data.settings, samples_max=count, blocks=block_count(self.folds)
             )
-            for count in (samples_max, few)
+            for count in (samples_max, settings.search_fraction * samples_max, few)
         )
         self.all_windows = run_windows(self.runs, data.settings)
         scored, total = (
@@ -179,7 +179,7 @@ class CandidateEvaluator:
         """Fit a candidate from many initial dampers; return the fit with the smallest training error."""
         starts = [fitted.damper, *self._with_restarted_terms(fitted.candidate, fitted.damper)]
         problem = self.problem(fitted.candidate)
-        ends = thorough_starts(problem, starts, self.windows, self.screening_windows)
+        ends = thorough_starts(problem, starts, self.windows, self.search_windows)
         return self.fit(fitted.candidate, [fitted.damper, *ends])
 
     def _with_restarted_terms(self, candidate: Candidate, damper: Damper) -> list[Damper]:

@@ -20,6 +20,7 @@ class SelectionSettings:
     # Amount of data in the fits of the selection
     samples_max: int = 9_000  # max number of simulated samples in all windows (9 s for a fit of 20 runs)
     screening_fraction: float = 1.0 / 3.0  # A quick first fit uses at most this fraction of ``samples_max``.
+    search_fraction: float = 0.5  # The thorough search uses at most this fraction of ``samples_max``.
     # The model selection is repeated with more windows if the error of the chosen candidate on all runs
     # exceeds this multiple of its error on the windows.
     subset_error_ratio_max: float = 1.2
