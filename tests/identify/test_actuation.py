@@ -225,7 +225,7 @@ def test_identified_hysteresis_deviates_by_few_standard_errors(play):
 
 
 def test_wide_hysteresis_is_found_from_random_current():
-    """Lags and hysteresis are fitted together, because both increase the force after a decrease of current."""
+    """Lags and hysteresis are fitted together. Both increase the force after a decrease of the current."""
     known = Actuation(0.0012, 0.0018, 0.0006, 0.0001, hysteresis_width_A=0.34)
     run = simulate_runs(with_actuation(known), current=random_current(), motion=MOTIONS["sine15mm1Hz"])
     result = fit(run)

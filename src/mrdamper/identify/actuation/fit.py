@@ -22,7 +22,6 @@ from mrdamper.identify.actuation.least_squares import (
     LaggedForces,
     ParameterFit,
     fit_hysteresis_at_levels,
-    fit_hysteresis_over_runs,
     fit_lags,
     fit_lags_to_responses,
     fit_parameters,
@@ -160,23 +159,19 @@ def refine_actuation(
         lagged = LaggedForces(still, held_out, settings.run_oversampling)
         return float(np.sum(lagged.residual(lagged.forces_at_lags(actuation)) ** 2))
 
+    compared = random_runs if len(random_runs) > 1 else runs
+    if len(compared) < 2 or (compared is not random_runs and not has_one_quadrant):
+        return damper, fit
     if not has_one_quadrant:
-        first = random_runs[:2]
-        if len(first) < 2:
-            return damper, fit
-        tests = [(form, first, first) for form in (TWO_LOOPS_FREE_WHEELING, SIMPLE)]
-        saturating, simple = pool.map(test_error, tests)
+        pair = [(form, random_runs[:2], random_runs[:2]) for form in (TWO_LOOPS_FREE_WHEELING, SIMPLE)]
+        saturating, simple = pool.map(test_error, pair)
         if saturating >= settings.saturation_ratio_max * simple:
             return damper, fit
-    compared = random_runs if len(random_runs) > 1 else runs
-    halves = compared[::2], compared[1::2]
-    if not halves[1]:
-        return damper, fit
-    folds = halves, halves[::-1]
     forms = [SATURATING, TWO_LOOPS, TWO_LOOPS_FREE_WHEELING, *([FREE_WHEELING] if has_one_quadrant else [])]
-    tests = [(form, training, held_out) for form in forms for held_out, training in folds]
-    first_errors, second_errors = np.reshape(list(pool.map(test_error, tests)), (-1, 2)).T
-    errors = dict(zip(forms, (first_errors + second_errors).tolist(), strict=True))
+    halves = compared[::2], compared[1::2]
+    tests = [(form, *fold) for form in forms for fold in (halves, halves[::-1])]
+    fold_errors = np.reshape(list(pool.map(test_error, tests)), (-1, 2))
+    errors = dict(zip(forms, fold_errors.sum(axis=1).tolist(), strict=True))
     weights = {form: 1.0 if "wide_hysteresis_width_A" in form else settings.one_loop_ratio for form in forms}
     best_form = min(forms, key=lambda form: weights[form] * errors[form])
     best = fit_form(best_form, runs, settings.evaluation_count_max)
@@ -220,9 +215,12 @@ def _fit_at_fixed_share(
     changing = [run for run, steps in measured if not steps and np.ptp(run.trajectory.command) > 0.0]
     # If the driver has one quadrant, free-wheeling of the current would be mistaken for hysteresis.
     if stepped and changing and times.driver_quadrants != 1:
-        wider, wider_error = fit_hysteresis_over_runs(still, lags, changing, settings)
-        if wider.hysteresis_width_A > width:
-            lags, width_error = wider, wider_error
+        lagged = LaggedForces(still, changing, settings.run_oversampling)
+        start_A = float(np.clip(width, 1e-3 * lagged.command_max, 0.5 * lagged.command_max))
+        start = replace(lags, hysteresis_width_A=start_A)
+        wider = fit_parameters(lagged, start, ("hysteresis_width_A",), settings)
+        if wider.actuation.hysteresis_width_A > width:
+            lags, width_error = wider.actuation, wider.standard_errors["hysteresis_width_A"]
     lagged = LaggedForces(still, runs, settings.run_oversampling)
     return ActuationFit(
         actuation=lags,

@@ -203,11 +203,9 @@ def fit_lags(
     """
     starts = [Actuation(lag_s, lag_s, 0.3 * lag_s, 0.1 * lag_s) for lag_s in settings.lag_start_s]
     if start is not None:
-        values = {name: getattr(start, name) for name in parameter_names}
-        starts = [Actuation(**values)]
-    fits = Pool(thread_count()).map(
-        lambda first: fit_parameters(lagged, first, parameter_names, settings), starts
-    )
+        starts = [Actuation(**{name: getattr(start, name) for name in parameter_names})]
+    pool, names = Pool(thread_count()), parameter_names
+    fits = pool.map(lambda first: fit_parameters(lagged, first, names, settings), starts)
     return min(fits, key=lambda fit: fit.cost)
 
 
@@ -287,24 +285,10 @@ def _half_width(sums: FloatArray) -> tuple[float, float]:
     return float(half_width), float(np.sqrt(residual / max(freedom - 1, 1) / effect_squares))
 
 
-def fit_hysteresis_over_runs(
-    still: Damper, lags: Actuation, runs: Sequence[PreparedRun], settings: ActuationSettings
-) -> tuple[Actuation, float]:
-    """Fit the half width of the magnetic hysteresis to whole runs.
-
-    Return ``lags`` with the fitted half width, and its standard error [A or V].
-    """
-    lagged = LaggedForces(still, runs, settings.run_oversampling)
-    start_A = np.clip(lags.hysteresis_width_A, 1e-3 * lagged.command_max, 0.5 * lagged.command_max)
-    start = replace(lags, hysteresis_width_A=float(start_A))
-    fit = fit_parameters(lagged, start, ("hysteresis_width_A",), settings)
-    return fit.actuation, fit.standard_errors["hysteresis_width_A"]
-
-
 def _regression_sums(damper: Damper, run: PreparedRun, settings: ActuationSettings) -> FloatArray | None:
-    """Return the sums of the linear regression that fits the half width to one run.
+    """Return the sums of the regression for the half width; None if too few samples have settled.
 
-    Return None if the run has too few settled samples. The *effect* is the derivative of the force with
+    The *effect* is the derivative of the force with
     respect to the half width, and zero for a command that was reached from below. The regression explains the
     force error by the half width times the effect, plus one offset for each command value and direction of
     motion. The result has the sums of squared effects, of effect times force error and of squared force
