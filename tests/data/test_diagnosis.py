@@ -195,6 +195,18 @@ def test_coarsely_resolved_motion_is_not_reported_as_stuck():
     assert kinds(recording(changed=coarse)) == ["coarse_steps"]
 
 
+@pytest.mark.parametrize("levels", [20, 200])
+def test_plateau_of_8_bit_force_is_no_fault(levels):
+    """Between two reversals, the force of a yielding damper stays within one step of an oscilloscope."""
+
+    def coarse(fields):
+        force = np.clip(fields["force"], *np.quantile(fields["force"], (0.2, 0.8)))
+        step = np.ptp(force) / levels
+        fields["force"] = np.round(force / step) * step
+
+    assert all(f.severity != "fault" for f in diagnose(recording(changed=coarse)))
+
+
 # ------------------------------------------------------------------------------------------- force noise
 
 

@@ -513,6 +513,13 @@ def test_listed_start_times_select_temperatures_from_log(tmp_path, layout):
         ("Corsa positiva in estensione, forza positiva in trazione", (1, 1)),
         ("damper force, kN (compression positive)", (None, -1)),
         ("Peak compression: 300 N, positive peak 200 N", (None, None)),
+        ("LVDT 5 mm/V (plus = rod moves out), load cell 500 N/V (plus = pushed together)", (1, -1)),
+        ("wire [mm] (+ = rod pulled out), load cell [N] (tension -, compression +)", (1, -1)),
+        ("Polarity + compresses damper", (-1, -1)),
+        ("Weg + = ausgefahren, Kraft: Druck = plus", (1, -1)),
+        ("damper force (kgf), + tension", (None, 1)),
+        ("load cell -ve in tension", (None, -1)),
+        ("0.5 A + compression test at +/-10 kN, rebound -", (None, None)),
     ],
 )
 def test_positive_direction_is_read_from_text(line, signs):

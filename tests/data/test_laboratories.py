@@ -309,7 +309,7 @@ def groups(folder: Path) -> None:
                 ("LVDT", "mm", 1e3 * run.displacement),
                 ("cell", "N", run.force),
             ):
-                group.create_dataset(name, data=values).attrs["unit"] = unit
+                group.create_dataset(name, data=values).attrs[("unit", "unite", "Einheit")[k]] = unit
 
 
 def waveforms(folder: Path) -> None:

@@ -46,7 +46,11 @@ def find_clipping(recording: Recording) -> Iterator[Finding]:
             remedy = "Set the amplifier's range larger and record again; leave the run out until then"
             clipped = Finding("clipped", found, effect, remedy, channel=role, size=100.0 * share, unit="%")
             clipped = clipped.between(*recording.time[[segments[0][0], segments[-1][1] - 1]])
-            yield replace(clipped, severity="fault") if share > SETTINGS.clipped_ratio_max else clipped
+            # The plateau of a force may be the extreme level of a coarse converter.
+            is_fault = share > SETTINGS.clipped_ratio_max and not (
+                role == "force" and _coarse_step(values)[0]
+            )
+            yield replace(clipped, severity="fault") if is_fault else clipped
 
 
 def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
@@ -55,13 +59,16 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
     for role, values, other in (("force", force, x), ("displacement", x, force)):
         segments = sorted(true_segments(np.append(np.diff(values) == 0.0, False)), key=lambda s: s[0] - s[1])
         steps = _steps(values)
-        near = SETTINGS.stuck_level_max_steps * _coarse_step(values)[0]
+        resolution = _coarse_step(values)[0]
         moved = float(np.ptp(other))
         for a, b in segments:
             if b - a < SETTINGS.stuck_steps_min:
                 break
-            if max(steps[a], steps[b + 1]) <= near:
-                continue  # A slow signal stays within one step of the converter.
+            # A slow signal, or the force between two reversals, stays within one step of a coarse converter.
+            is_slow = max(steps[a], steps[b + 1]) <= SETTINGS.stuck_level_max_steps * resolution
+            is_one_way = abs(other[b] - other[a]) > 0.95 * np.ptp(other[a : b + 1])
+            if is_slow or (resolution and role == "force" and is_one_way):
+                continue
             # The force of a damper at rest may relax. Therefore a larger change of the force is required.
             share = SETTINGS.stuck_motion_ratio_min if role == "force" else 0.5
             if np.ptp(other[a : b + 1]) < share * moved:
@@ -80,7 +87,7 @@ def find_coarse_steps(recording: Recording) -> Iterator[Finding]:
     """Generate findings on channels whose resolution is coarse relative to the variation of the values."""
     for role, values in _varying_channels(recording):
         resolution, error = _coarse_step(values)
-        if not resolution:
+        if error <= SETTINGS.coarse_note_ratio:
             continue
         unit = QUANTITIES[role].unit
         shown, factor = (unit, 1.0) if role == "force" else (f"m{unit}", 1e3)
@@ -168,10 +175,10 @@ def find_phase_jumps(recording: Recording) -> Iterator[Finding]:
 def _coarse_step(values: FloatArray) -> tuple[float, float]:
     """Return the step of a quantised channel, and its rounding error / standard deviation.
 
-    Both are 0 for a continuous channel, and if the error is small.
+    Both are 0 for a channel with more levels than a converter of 8 bits has.
     """
     levels = np.unique(values)
-    if len(levels) < 3 or len(levels) > 0.5 * len(values):
+    if len(levels) < 3 or len(levels) > min(256, 0.5 * len(values)):
         return 0.0, 0.0
     apart = np.diff(levels)
     apart = apart[apart > 1e-9 * np.ptp(levels)]  # Smaller distances are rounding errors.
@@ -180,7 +187,7 @@ def _coarse_step(values: FloatArray) -> tuple[float, float]:
     regular = (np.abs(apart / resolution - multiples) < 0.1) & (multiples >= 1.0) & (multiples <= 3.0)
     error = resolution / math.sqrt(12.0) / float(np.std(values))
     is_quantised = np.count_nonzero(regular) >= SETTINGS.quantised_ratio_min * len(apart)
-    return (resolution, error) if is_quantised and error > SETTINGS.coarse_note_ratio else (0.0, 0.0)
+    return (resolution, error) if is_quantised else (0.0, 0.0)
 
 
 def _varying_channels(recording: Recording) -> Iterator[tuple[str, FloatArray]]:

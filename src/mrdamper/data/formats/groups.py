@@ -13,7 +13,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.clocks import Sampling, stated_sampling, with_samplings, with_times
 from mrdamper.data.formats.lines.cells import number_in
-from mrdamper.data.formats.lines.properties import names_quantity
+from mrdamper.data.formats.lines.properties import names_quantity, property_of
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Layout, Table, as_column, as_text, require_held, shortest_names
 from mrdamper.data.words.headers import means, parse_header, speaks_of, word_and_unit
@@ -21,7 +21,11 @@ from mrdamper.quantities import QUANTITIES, roles_of_unit
 
 _PREFIX = re.compile(r"(.+?\d|[^\d_]+)_(.+)")  # "Data1_Force", "MRD_0001_Force" or "rig_Force"
 _LINE_OF_MATRIX = re.compile(r"column \d+ of (.*)")
-UNIT_NAMES = ("unit", "units", "Unit", "Units")
+
+
+def unit_in(settings: Mapping[str, object]) -> str:
+    """Return the unit that an attribute states, such as ``units`` or ``Einheit``; "" if missing."""
+    return next((f"{as_text(value)}" for key, value in settings.items() if property_of(key) == "unit"), "")
 
 
 def read_values(values: Any, index: Any = slice(None)) -> FloatArray:  # noqa: ANN401 - an array of numbers

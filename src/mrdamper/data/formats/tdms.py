@@ -8,11 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from mrdamper.data.formats.groups import StoredArray, attribute_lines, read_values, table_of_arrays
+from mrdamper.data.formats.groups import StoredArray, attribute_lines, read_values, table_of_arrays, unit_in
 from mrdamper.data.formats.table import FileOptions, Layout, Table, load_extra
 from mrdamper.errors import InputError
-
-_UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units")
 
 
 def read_tdms(path: Path, options: FileOptions) -> Table:
@@ -42,7 +40,7 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
 
 def _stored_array(channel: Any, outer: Mapping[str, object]) -> StoredArray:  # noqa: ANN401
     """Return a channel as an array. ``outer`` are the properties of file and group."""
-    named = next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "")
+    named = unit_in(channel.properties) or f"{channel.properties.get('NI_UnitDescription', '')}"
     return StoredArray(
         (channel.group_name, channel.name),
         len(channel),

@@ -20,17 +20,17 @@ import numpy as np
 
 from mrdamper.data.formats.clocks import is_setting_of_time
 from mrdamper.data.formats.groups import (
-    UNIT_NAMES,
     StoredArray,
     attribute_lines,
     is_in_part,
     read_values,
     table_of_arrays,
+    unit_in,
     with_prefix_groups,
     with_runs_of_matrices,
     with_values_of_runs,
 )
-from mrdamper.data.formats.lines.properties import names_quantity
+from mrdamper.data.formats.lines.properties import names_quantity, property_of
 from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import SKIPPED, FileOptions, Layout, Table, as_text
 from mrdamper.data.words.headers import means, speaks_of
@@ -91,7 +91,7 @@ class _Variables:
             for k, inner in enumerate(elements):
                 self._collect((*path[:-1], f"{path[-1]}({k + 1})"), inner, "", outer)
         elif _is_numbers(value):
-            unit = next((f"{own[key]}" for key in UNIT_NAMES if key in own), unit)
+            unit = unit_in(own) or unit
             columns: list[tuple[tuple[str, ...], Any]] = []  # path and index of each column
             if value.size == max(value.shape, default=1):
                 columns = [(path, ...)]
@@ -110,7 +110,7 @@ class _Variables:
         named = {str(k): inner for k, inner in value.items() if not f"{k}".startswith("__")}
         fields = _signals_by_axis(_with_units(named))
         own = {name: one for name, inner in fields.items() if (one := _single(inner)) is not None}
-        settings = {name: inner for name, inner in outer.items() if name not in UNIT_NAMES} | own
+        settings = {name: inner for name, inner in outer.items() if property_of(name) != "unit"} | own
         signal = _find_signal(path, fields)
         for name, inner in fields.items():
             if not signal or name in signal or not _is_numbers(inner):
@@ -158,7 +158,7 @@ def _find_signal(path: tuple[str, ...], fields: Mapping[str, Any]) -> dict[str, 
     is_channel = bool(name or (path and any(means(path[-1], role) for role in QUANTITIES)))
     if not is_channel or len(samples) != 1 or len(times) > 1 or names_quantity(samples[0]):
         return {}
-    unit = next((said[key] for key in ("unit", "units") if key in said), "")
+    unit = unit_in(said)
     # MATLAB's time series, and structures with the name of their signal, have times in seconds.
     in_seconds = name or [each.lower() for each in (*times, *samples)] == ["time", "data"]
     found = {samples[0]: ((*path, name) if name else path, unit)}
@@ -201,7 +201,8 @@ def _with_units(fields: Mapping[str, Any]) -> Mapping[str, Any]:
     found: dict[str, Any] = {}
     for name, inner in fields.items():
         single = {key: _single(each) for key, each in inner.items()} if isinstance(inner, Mapping) else {}
-        unit = "".join(f" [{single.pop(key)}]" for key in UNIT_NAMES if key in single)
+        units = [key for key in single if property_of(key) == "unit"]
+        unit = "".join(f" [{single.pop(key)}]" for key in units)
         times = [key for key in single if "sampl" in name.lower() and is_setting_of_time(f"{name} {key}")]
         if times:
             found |= {f"{name} {key}{unit}": single[key] for key in times}

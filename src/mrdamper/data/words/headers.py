@@ -41,6 +41,9 @@ _ALL_CHANNELS = re.compile(
     re.IGNORECASE,
 )
 _ACCELERATION = re.compile("加速度|가속도")  # These words contain the words of velocity.
+# Path of a signal in a block diagram, whose last part may be a port: "Model Root/ADC/F [N]/Out1".
+_PORT = r"/(?:out|in|output|input|value|signal|port)[ _]?\d*"
+_PATH = re.compile(rf"(?:\w+\(\)://)?((?:[^/\[({{]+/)+?)((?:[^/]|//){{2,}}?)({_PORT})?", re.IGNORECASE)
 _NARROW = str.maketrans({**dict(zip("（）［］／", "()[]/", strict=True)), "：": ": ", "，": ", ", "；": "; "})
 
 Kind = Literal[
@@ -91,7 +94,7 @@ _RAW = re.compile(
 
 def word_and_unit(header: str) -> tuple[str, str]:
     """Return the word and the unit of a header, "" if missing. The word is all text except the unit."""
-    text = header.translate(_NARROW).strip()
+    text = _plain(header)
     for form in (_NOTED, *_FORMS_WITH_UNIT, _LAST, _BLANK):
         match = form.fullmatch(text)
         word, unit = (match[1].strip(), match[2].strip()) if match else ("", "")
@@ -102,6 +105,12 @@ def word_and_unit(header: str) -> tuple[str, str]:
     if len(text) > 1 and text.lower() not in _NO_UNITS and roles_of_unit(text):  # "millis" has no word.
         return "", text
     return text, ""
+
+
+def _plain(header: str) -> str:
+    """Return a header with ASCII brackets, without the path of a signal in a block diagram."""
+    path = _PATH.fullmatch(text := header.translate(_NARROW).strip())
+    return path[2].strip() if path and (path[3] or path[1].count("/") > 1) else text
 
 
 def weight_unit(word: str, unit: str) -> str:
@@ -155,7 +164,7 @@ def _means(word: str, roles: Sequence[str]) -> bool:
     for role, words in (("current", _COIL), ("time", _EPOCH)):
         if role in roles and words.search(_split_words(word)):
             return True
-    return any(word.upper() == QUANTITIES[role].symbol.upper() or speaks_of(word, role) for role in roles)
+    return any(begins_with_symbol(word, role) or speaks_of(word, role) for role in roles)
 
 
 def speaks_of(word: str, role: str) -> bool:
@@ -193,16 +202,16 @@ def means(name: str, role: str) -> bool:
 
 
 def begins_with_symbol(word: str, role: str) -> bool:
-    """Return True if a header's word begins with the symbol of a role, as in ``i_cmd`` or ``F meas``."""
+    """Return True if a header's word begins with the symbol of a role, as in ``i_cmd`` or ``Fmeas``."""
     symbol, first = QUANTITIES[role].symbol, word.strip()[:1]
-    is_alone = re.match(r"\S(?!\S)", _split_words(word)) is not None
+    is_alone = re.match(r"\S(?:set|soll|ist|cmd|ref|meas|mess|coil)?(?!\S)", _split_words(word)) is not None
     is_symbol = first == symbol or (first.lower() == symbol.lower() and symbol not in {"t", "T"})
     return is_alone and is_symbol
 
 
 def has_word(header: str, kind: Kind) -> bool:
     """Return True if a header has a word for columns of a kind, such as set points."""
-    return _KINDS[kind].search(_split_words(header)) is not None
+    return _KINDS[kind].search(_split_words(_plain(header) if kind == "model" else header)) is not None
 
 
 def says_command(word: str) -> bool:
@@ -243,7 +252,7 @@ def parse_header(header: str) -> tuple[str, str] | None:
     that is not a unit, as in ``velocity_5`` or ``Force (raw)``, and a number after a unit, as in
     ``force_N_2``, are ignored.
     """
-    text = _NUMBERED.sub(r"\1", header.translate(_NARROW).strip())
+    text = _NUMBERED.sub(r"\1", _plain(header))
     word, unit = word_and_unit(text)
     for role in roles_of_unit(unit):
         if word == QUANTITIES[role].symbol or _role_of(word) == role:

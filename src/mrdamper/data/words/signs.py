@@ -1,6 +1,6 @@
 """Statements of the direction in which a force or a displacement is positive.
 
-Examples: ``compression positive``, ``Zug positiv, ausfahren negativ``, ``load cell positive in compression``.
+Examples: ``compression positive``, ``Zug positiv, ausfahren negativ``, ``(+ = tension)``, ``pull = plus``.
 """
 
 from __future__ import annotations
@@ -16,13 +16,28 @@ _POLARITIES = {
     1: re.compile(r"\bposit|\bkladn|\bdodat|\bполож|正", re.IGNORECASE),
     -1: re.compile(r"\bnegat|\bz[áa]porn|\bujemn|\bотриц|负|負", re.IGNORECASE),
 }
+# "+ = out", "tension (+)", "+ve is pull", "Druck = minus", "Druck +, Zug -", "stroke, + elongation".
+_SIGN = (
+    r"\({0}(?:ve)?\)|(?<![\w+-])(?:{0}ve\b|(?:{0}|{1}\b)\s*(?=[=:]))|(?:(?<=[=:>])|(?<=\bis))\s*(?:{0}|{1}\b)(?![\w.])"
+    r"|(?:(?<=[^\W\d])|(?<=[^\W\d] )){0}(?=\s*(?:[,;)|]|/(?!\s*-)|$))"
+)
+_LEADING_PLUS = r"|(?:^|(?<=[,;:(|\t])|\b(?:polarit\w+|signe?|segno|vorzeichen))\s*\+\s?(?=[^\W\d])"
+_SIGNS = {
+    "positive": re.compile(_SIGN.format(r"\+", "plus") + _LEADING_PLUS, re.IGNORECASE),
+    "negative": re.compile(_SIGN.format(r"[-\u2013\u2212]", "minus"), re.IGNORECASE),
+}
 # (sign, roles) -> words of a direction. "Retracted" applies to displacement, "tension" to force.
 _DIRECTIONS = {
-    (1, _MOTION): r"exten[ds]|extensi|estension|ausfahr|ausfeder|roztaž|wysu[wn]|выдви|伸",
+    (
+        1,
+        _MOTION,
+    ): r"exten[ds]|extensi|estension|[eé]longa|elonga|ausfahr|ausgefahr|ausfeder|heraus|roztaž|wysu[wn]"
+    r"|sortant|выдви|伸|out(?:wards?)?\b",
     (1, _FORCE): r"tension\b|tensile|tra[çc][cç]?[aãi]|traction|trazion|zug|tah\b|rozciąg|pull|растяг|растяж"
     r"|拉|引張",
     (1, _ROLES): r"rebound",
-    (-1, _MOTION): r"retract|einfahr|einfeder|zasun|wsu[wn]|втяг",
+    (-1, _MOTION): r"retract|einfahr|eingefahr|einfeder|hinein|zasun|wsu[wn]|rentrant|втяг|inwards?\b"
+    r"|(?:rod|moves?|goes) in\b",
     (-1, _FORCE): r"druck|tlak|push|thrust",
     (-1, _ROLES): r"compress|compres|kompres|stlač|ścisk|stauch|jounce|bump|сжат|压|圧縮",
 }
@@ -30,7 +45,7 @@ _DIRECTION_FORMS = {
     key: re.compile(rf"(?:\b|(?=[^\x00-\u02ff]))(?:{words})\w*", re.IGNORECASE)
     for key, words in _DIRECTIONS.items()
 }
-_CLAUSES = re.compile(r"[,;.()|，；。]|\b(?:and|und|et|e|y|a|i)\b", re.IGNORECASE)
+_CLAUSES = re.compile(r"[,;.()|，；。]|\s/\s|\b(?:and|und|et|e|y|a|i)\b", re.IGNORECASE)
 _NO_SIGN = re.compile(r"peak|max|min\b|offset|spitze|limit|pressure", re.IGNORECASE)
 
 
@@ -44,6 +59,9 @@ def signs_in(lines: Iterable[str]) -> Mapping[str, int]:
 
 
 def _signs_of_line(line: str) -> list[tuple[str, int]]:
+    # A single minus may be the mark of an empty cell.
+    for word, form in _SIGNS.items() if re.search("[+=]|ve\\b|minus", line) else ():
+        line = form.sub(f" {word} ", line)
     polarities = [sign for sign, form in _POLARITIES.items() if form.search(line)]
     if not polarities or _NO_SIGN.search(line):
         return []

@@ -26,7 +26,7 @@ _WORDS: Mapping[str, re.Pattern[str]] = {
         r"|名称|通道|信号|チャンネル|이름|채널|신호"
     ),
     "unit": re.compile(
-        r"units?|v?einheit(en)?|unités?|unidad(es?)?|unità|jednost?k[aiy]|eenheid|enhet|birim|mértékegység"
+        r"units?|v?einheit(en)?|unit[ée]s?|unidad(es?)?|unità|jednost?k[aiy]|eenheid|enhet|birim|mértékegység"
         r"|единиц[аы]|单位|単位|단위"
     ),
     "factor": re.compile(
