@@ -785,6 +785,8 @@ REJECTIONS: dict[str, str] = {
     "column": "run;valid\n1;yes\n2;yes\n3;no\n",
     "blanks": "essai  courant  remarque\n1      0 A      rien\n2      0,75 A   rien\n"
     "3      1,5 A    RATÉ : vérin en butée, capteur déplacé\n",
+    "without damper": "file,motion,remark\n{0}.csv,sine,\n{1}.csv,sine,\n"
+    "{2}.csv,sine,friction of 10 mm stroke - damper NOT fitted\n",
     "name": "{2}: spoiled, repeated as {1}",
     "quoted": "Do not use `{2}.csv`!",
     "replaced": "Run 3: discarded\nRun 2: repeat of 1, which was aborted\n",
@@ -833,6 +835,8 @@ SENTENCES: dict[str, set[int]] = {
     "ne pas utiliser run_2": {2},
     "Runs 2 and 3 are unusable": {2, 3},
     "run_3 比較用（MRダンパではない）": {3},
+    "Rig friction: run_2, Dämpfer ausgebaut": {2},
+    "run_2: damper removed and refitted": set(),
     "The heater was not used in run_2.": set(),
     "After an aborted attempt run_2 was recorded.": set(),
     "The calibration is invalid before run_3": set(),

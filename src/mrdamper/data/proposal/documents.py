@@ -231,7 +231,8 @@ def rejected_in(path: Path, lines: Sequence[str], files: Sequence[Path], *, is_r
         is_asked = not re.search(r"\w", line[: found.start()] + before) and not re.match(r"\s*\w", after)
         listed[line] = (subject if is_said else []) or (others if is_asked else [])
     # A sentence may name a run that it does not reject: "`sim` is a model of run_3, not a measurement".
-    clear = [line for line in sentences if listed.get(line, True) or not known.in_line(line)]
+    rows = {line for line in rejections if len(_cells(line)) > 2 and any(map(known.in_cell, _cells(line)))}
+    clear = [line for line in sentences if line in rows or listed.get(line, True) or not known.in_line(line)]
     about = _lines_by_file(path, clear, files, is_run=is_run)
     for line, own in listed.items():
         about |= {file: [*about.get(file, []), line] for file in own}

@@ -283,6 +283,7 @@ def rates_in(lines: Iterable[str]) -> tuple[float, ...]:
     return tuple(filter(None, rates))
 
 
+_DAMPER = r"(?:d[äa]mp|demp|am+ort|tłum)"
 _REJECTED = re.compile(
     r"(?i)(?:\b(?:(?:do not|don.t|not to|not (?:to )?be) (?:use|evaluate|analy)|(?:is|are|was|were) not used"
     r"|not (?:a |for )(?:run|measurement|test|use|evaluation|analysis)\b(?! of)"
@@ -293,7 +294,9 @@ _REJECTED = re.compile(
     r"|inexploitable|inutilisable|pour information|n(?:o|ão) (?:usar|utili[sz])|non (?:usare|utilizz)"
     r"|descartad|scartat|inv[áa]lid[aoe]|anulad|annullat|nie (?:używa|bra)|odrzucon|nieważn|nepouží|neplatn"
     r"|ne használ|érvénytelen|geçersiz|не использ|брак\b|недейств|kassera|ogiltig|ugyldig|hylätty|ongeldig"
-    r"|(?:without|ohne|sans|sin|sem|senza|bez|zonder|utan|uten) (?:\w{1,3}\W)?(?:d[äa]mp|demp|am+ort|tłum))"
+    rf"|(?:without|ohne|sans|sin|sem|senza|bez|zonder|utan|uten) (?:\w{{1,3}}\W)?{_DAMPER}"
+    rf"|{_DAMPER}\w* (?:\w{{2,3}} )?(?:not|nicht|non|pas) (?:fitted|mounted|installed|attached|eingeb|mont)"
+    rf"|{_DAMPER}\w* (?:\w{{2,3}} )?(?:removed|ausgebaut|démonté)(?=\s*(?:$|[,;.)]))|\bno damper(?! \w))"
     r"|作废|废弃|无效|不使用|不是\s?MR|MR\w*ではない|ノイズ確認用|無効|破棄|使用しない|무효|폐기)(?!\w*\s*[:=]\s*(?:0|no|none|false)\b)"
     r"|\b(?:valid|ok|usable|gültig|valide|válid[oa])\s*[:=]\s*(?:no|n|0|false|nein|non|nie|não)\b"
 )
