@@ -131,6 +131,12 @@ def archived(folder: Path) -> None:
     write(folder, "README.md", "| File | I (A) | T (°C) |\n|--|--|--|\n" + each("| %(n)s | %(i)s | 30 |\n"))
 
 
+def archived_with_list(folder: Path) -> None:
+    archived(folder)
+    (folder / "README.md").unlink()
+    write(folder, "list.csv", "No,File,I (A),T (°C)\n" + each("%(k)s,%(n)s,%(i)s,30\n") + "\nCoil: 3 ohm\n")
+
+
 def specimens(folder: Path) -> None:
     """Write runs in a subfolder, and a list of specimens with a remark above the subfolder."""
     from openpyxl import Workbook
@@ -241,6 +247,7 @@ DOCUMENTS: dict[str, Writer] = {
     "open_document": open_document,
     "protocol_in_each_folder": protocols,
     "document_next_to_an_archive": archived,
+    "list_with_a_note_next_to_an_archive": archived_with_list,
     "sentences_about_a_supplied_coil": about(
         "verbale.txt", each("%(n)s  bobina alimentata, corrente %(i)s A; temperatura olio 30 °C\n"), head=BARE
     ),

@@ -266,6 +266,7 @@ def test_layout_of_instrument_is_read(tmp_path, layout):
     ("line", "warm"),
     [
         *(("DS18B20: 31.25 C", 304.4), ("PT100 = 31.25 C", 304.4), ("MAX6675 (type K) 31.25 C", 304.4)),
+        *(("All tests at room temperature (31.25 °C)", 304.4), ("Room temperature: 31.25 °C", None)),
         *(("Thermocouple type K, class 1, 1200 C", None), ("NTC: 0..100 C", None)),
     ],
 )

@@ -716,7 +716,19 @@ def test_attributes_state_conditions_in_languages(current, oil):
 
 @pytest.mark.parametrize(
     "text",
-    ["x 5.0E -01 A", "rev2A", "damperA_000", "0-1.5A", "0 to 2 A", "1 A/V", "2Ah", "3Aug", "T20C", "5 mm"],
+    [
+        "x 5.0E -01 A",
+        "rev2A",
+        "damperA_000",
+        "0-1.5A",
+        "0 to 2 A",
+        "1 A/V",
+        "2Ah",
+        "3Aug",
+        "T20C",
+        "5 mm",
+        "DCS-100A",
+    ],
 )
 def test_unrelated_numbers_are_not_currents(text):
     assert labels_in(text, "current") == ()

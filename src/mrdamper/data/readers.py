@@ -143,7 +143,10 @@ def _read_all(
         folder for file in files for folder in file.parents if not roots.isdisjoint((folder, *folder.parents))
     }
     documents = read_documents(files, sorted(folders))
-    stating = {document.path for document in documents if document.lines} & {*files}
+    lists = {document.path for document in documents if document.lines}
+    # The copy of a list next to an archive states conditions of the unpacked files.
+    copied = {path.name for path in lists if path.is_relative_to(space)}
+    stating = {file for file in files if file in lists or file.name in copied}
     if len(stating) == len(files):  # If all files are documents, the user gets the errors of reading them.
         stating = set()
 

@@ -63,6 +63,13 @@ _OF_TEMPERATURE = re.compile(
     r"(?: \d| ?\([^()]*\))?(?:\s*[:=]\s*[+-]?\d|\s+[+-]?\d+[.,]\d)",
     re.IGNORECASE,
 )
+# The temperature of a room is the temperature of the tests if the tests were made at it.
+_TESTED_AT = re.compile(
+    r"(?i)\b(?:test|experiment|run|measure|record|versuch|mess|gemess|geprüft|essai|mesur|ensa[yi]o|prueba|prove?\b"
+    r"|bada|pomiar|испыт|опыт).*\b(?:at|bei|à|a|w|przy|при) (?:an? )?(?:room|ambi|raum|zimm|umgeb|temp|комн)"
+    r"|室温.*(?:下|で)"
+)
+_MODEL = re.compile(r"(?<![A-Za-z])[A-Z]{2,}-\d{2,}[AV]\b")  # type of an instrument, such as "DCS-100A"
 CONDITIONS = ("current", "voltage", "temperature")
 DOCUMENT = "document"  # The source of a value from a document begins with this word.
 # Cyrillic units are mapped to Latin units. Any other Cyrillic letter ends a unit: "Вт" is not a volt.
@@ -126,7 +133,7 @@ class Label:
 
 def labels_in(text: str, role: str) -> tuple[float, ...]:
     """Return the different values of a role [SI] in a text."""
-    text = _GLUED.sub(r"\1 ", text.translate(_CYRILLIC))
+    text = _GLUED.sub(r"\1 ", _MODEL.sub("", text.translate(_CYRILLIC)))
     found = [(sign + number, unit) for sign, number, unit in _FORMS[role].findall(text)]
     found += [(number, unit) for unit, number in _AFTER_UNIT[role].findall(text)]
     values: dict[float, None] = {}
@@ -232,7 +239,8 @@ def _may_say(place: Place, role: str) -> bool:
     if _NOT_SET.search(text):
         return False
     if role == "temperature":
-        return not has_word(text, "ambient") and bool(_OF_TEMPERATURE.search(text) or speaks_of(text, role))
+        is_of_damper = _TESTED_AT.search(text) or not has_word(text, "ambient")
+        return bool(is_of_damper and (_OF_TEMPERATURE.search(text) or speaks_of(text, role)))
     # A line about a power supply states its rating, such as 24 V and 5 A, or a set current, which is used.
     is_set = role == "current" and _SET.search(text) and not labels_in(text, "voltage")
     is_rating = _SUPPLY.search(text) and not is_set
