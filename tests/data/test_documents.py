@@ -293,6 +293,19 @@ def described(text: str, *, head: str = "", across: bool = False, scales: Sequen
     return writer
 
 
+def other_quantities(folder: Path) -> None:
+    """Write columns without header, with an acceleration and a mark, and a list of the columns."""
+    for run, current in zip(RUNS, CURRENTS, strict=True):
+        t, x, f, i = columns(run)
+        write(
+            folder,
+            f"test_{current:.2f}A.txt".replace(".", ",", 1),
+            table(t, 0.0 * t, x, f, i, 0.0 * t, sign=" "),
+        )
+    names = "1 time (sec)\n2  table acceleration (g)\n3  stroke (mm), + elongation\n4  force (N), + tension\n"
+    write(folder, "readme.txt", f"ASCII, columns:\n{names}5  coil current (A)\n6 mark\n{OIL}")
+
+
 OIL = "Oil: 0,0 A - 30 °C; 0,75 A - 30 °C; 1,5 A - 30 °C\n"
 NO_NAMES = "CH1,CH2,CH3,CH4\n"
 EXPLAINED: dict[str, Writer] = {
@@ -317,6 +330,7 @@ EXPLAINED: dict[str, Writer] = {
         "Column 1 is the time in s, column 2 is the stroke in mm, column 3 is the load in N and column 4 the"
         " current in A.\n" + OIL
     ),
+    "numbered_quantities_without_role": other_quantities,
     "table_of_columns": described(
         "| 1 | time | s |\n| 2 | stroke | mm |\n| 3 | load | N |\n| 4 | coil current | A |\n" + OIL
     ),
@@ -713,6 +727,16 @@ def loaded_by(name: str, text: str) -> Writer:
     return writer
 
 
+def octave(folder: Path) -> None:
+    """Write texts of Octave with a matrix and a number, and a script that states the order of the columns."""
+    for k, run in enumerate(RUNS, 1):
+        t, x, f, _ = columns(run)
+        head = "# Created by Octave 6.4\n# name: fs\n# type: scalar\n200\n\n\n# name: M\n# type: matrix\n"
+        write(folder, f"a{k}.txt", f"{head}# rows: {len(t)}\n# columns: 3\n{table(f, t, x, sign=' ')}\n\n")
+    script = f"% M = [F t x]   t in s, x in mm (out = +), F in N (pull = +)\nI = [{CURRENT_LIST}];  % A\n"
+    write(folder, "plot.m", f"{script}for k = 1:3\n    load(sprintf('a%d.txt', k)); title(I(k))\nend\n")
+
+
 MATLAB = (
     f"kx = 10;  % LVDT, mm/V\nI = [{CURRENT_LIST}];  % coil current, A\nfor k = 1:3\n"
     "    d = load(sprintf('a%d.txt', k));\n    t = d(:,1);  % time, s\n    x = kx.*d(:,2);  % stroke, mm\n"
@@ -732,6 +756,7 @@ LOADED = {
         "  t_s <- d[,1]\n  x_mm <- 10*d[,2]\n  F_N <- d[, 3]*200\n  print(I_A[k])\n}\n",
     ),
     "python": loaded_by("load.py", PYTHON),
+    "octave": octave,
 }
 
 

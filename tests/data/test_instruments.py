@@ -172,6 +172,9 @@ def fortran(run: RigRun, step: str) -> str:
 
 
 LAYOUTS: dict[str, Callable[[Path], None]] = {
+    "units_as_names_and_a_cut_last_row": each(
+        lambda run: "bench v0.7\ntare... done\ns,mm,N,A\n" + table(*columns(run)) + "5.0,-9."
+    ),
     "channels_by_number": each(lambda run: numbered(run, "Canale 1", "Canale 3")),
     "channels_by_number_in_other_order": each(lambda run: numbered(run, "Canale 3", "Canale 1")),
     "per_cent_in_names": each(

@@ -12,7 +12,7 @@ from pathlib import Path
 from mrdamper.data.formats.excel import WORKBOOK_SIGNATURES, read_workbook
 from mrdamper.data.formats.hdf5 import read_hdf5
 from mrdamper.data.formats.lvm import read_lvm
-from mrdamper.data.formats.mat import is_mat, read_mat
+from mrdamper.data.formats.mat import is_mat, read_mat, read_octave
 from mrdamper.data.formats.mdf import read_mdf
 from mrdamper.data.formats.objects import read_json, read_npz
 from mrdamper.data.formats.parquet import read_parquet
@@ -40,6 +40,7 @@ FORMATS: tuple[Format, ...] = (
     Format("LabVIEW text", (".lvm",), _LABVIEW.match, read_lvm),
     Format("universal", (".unv", ".uff"), re.compile(rb"\s*-1\s*\r?\n\s*\d+").match, read_uff),
     Format("JSON", (".json", ".jsonl"), _JSON.match, read_json),
+    Format("Octave", (), re.compile(rb"# Created by Octave|# name: \w+\r?\n# type: ").match, read_octave),
     Format("delimited text", (".csv", ".tsv", ".txt", ".dat", ".asc", ".prn", ".tra"), is_text, read_text),
 )
 
@@ -50,7 +51,6 @@ _UNSUPPORTED: tuple[tuple[bytes, str], ...] = (
     (b"7z\xbc\xaf", "a 7-Zip archive: unpack it first"),
     (b"Rar!", "a RAR archive: unpack it first"),
     (b"%PDF", "a PDF: export the run as CSV"),
-    (rb"# Created by Octave|# name: \w+\r?\n# type: ", "a text of Octave: save with the option -v7"),
     (b"\x93NUMPY", "a single array of NumPy: save named ones with numpy.savez"),
     (b"\x80[\x04\x05]", "a Python pickle, which is never opened: export the run as CSV or Parquet"),
     (rb"\|CF,", "an imc FAMOS file: convert it to CSV with imctermite (Python), or export it in FAMOS"),

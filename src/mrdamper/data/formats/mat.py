@@ -1,4 +1,4 @@
-"""MAT files up to version 7.2. ``hdf5`` reads version 7.3."""
+"""MAT files up to version 7.2, and texts of Octave. ``hdf5`` reads version 7.3."""
 
 from __future__ import annotations
 
@@ -10,8 +10,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from mrdamper.data.formats.lines.encodings import read_lines
 from mrdamper.data.formats.table import FileOptions, Table, require_held
 from mrdamper.data.formats.variables import table_of_variables
+from mrdamper.errors import InputError
 
 
 def is_mat(head: bytes) -> bool:
@@ -56,3 +60,21 @@ def read_mat(path: Path, options: FileOptions) -> Table:
             is_object = isinstance(value, MatlabOpaque)
             variables[value.ravel()[0]["s0"].decode("utf-8", "replace") if is_object else key] = value
     return table_of_variables(variables, path, options, "MAT file")
+
+
+def read_octave(path: Path, options: FileOptions) -> Table:
+    """Return the columns of the matrices, ranges and numbers in a text of Octave."""
+    variables: dict[str, Any] = {}
+    for part in re.split(r"(?m)^# name: ", "\n".join(read_lines(path).lines))[1:]:
+        name, kind, *lines = part.splitlines()
+        rows = [line.split() for line in lines if line.strip() and not line.startswith("#")]
+        if re.fullmatch("# type: (?:global )?(?:float )?(?:matrix|scalar)", kind):
+            variables[name] = np.array(rows, dtype=np.float64)
+        elif kind.endswith("range"):
+            base, limit, step = map(float, rows[0][:3])
+            variables[name] = np.arange(base, limit + 0.5 * step, step)
+        elif kind.endswith("string"):
+            variables[name] = " ".join(rows[0])
+        else:
+            raise InputError(place=path, found=f"{name!r} is of {kind[2:]!r}", remedy="Save with option -v7")
+    return table_of_variables(variables, path, options, "text of Octave")

@@ -72,6 +72,9 @@ def read_text(path: Path | Text, options: FileOptions) -> Table:
             found=f"no rows of numbers in the first {len(head)} lines",
             expected="a header and at least two columns, separated by comma, semicolon, tab, bar or blanks",
         )
+    *rows, last = (split_line(line, delimiter) for line in text.lines[first:][-3:])
+    if is_number(last[0]) and len(last) < len(rows[0] if rows else []) == len(rows[-1]):
+        text = replace(text, lines=text.lines[:-1], notes=(*text.notes, "incomplete last row omitted"))
     header = read_header(head, first, delimiter)
     refuse_two_commas(text.place, head, first, delimiter)
     decimal = options.decimal or find_decimal(text.place, head[first:], delimiter)

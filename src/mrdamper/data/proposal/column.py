@@ -107,14 +107,22 @@ def explained(table: Table, notes: Sequence[str], chosen: ChannelMap, file: str)
     """
     is_mapped = any(channel.name or channel.pattern for channel in chosen.channels.values())
     legend = [entry for line in notes for entry in legend_in(line)]
-    numbered = sorted({(number, f"{word} [{unit}]") for number, word, unit in legend if number is not None})
-    legend += [entry for line in table.said for entry in legend_in(line)]
-    count = len(table.names)
+    bare = {number: word for number, word, unit in legend if number and not unit}
+    legend = [entry for entry in legend if entry[2]]
+    numbered = {(number, f"{word} [{unit}]") for number, word, unit in legend if number is not None}
+    roles = {role for number, _, unit in legend if number is not None for role in roles_of_unit(unit)}
+    legend += [entry for line in table.said for entry in legend_in(line) if entry[2]]
+    unnamed = [name for name in table.names if name not in table.columns or len(table.columns[name]) > 1]
+    count = len(unnamed)
     lists = {names for names in _lists_in(notes, file) if len(names) == count}
-    if [number for number, _ in numbered] in ([*range(count)], [*range(1, count + 1)]):
-        lists.add(tuple(name for _, name in numbered))
-    is_named = len(lists) == 1 and not is_mapped and all(name.startswith("column ") for name in table.names)
-    table = renamed(table, dict(zip(table.names, lists.pop(), strict=True))) if is_named else table
+    # Further entries of a list of columns may have no unit.
+    others = {*range(1, count + 1)} & bare.keys() - {number for number, _ in numbered}
+    others = others if roles >= {"displacement", "force"} else set()
+    for entries in (sorted(numbered), sorted(numbered | {(number, bare[number]) for number in others})):
+        if [number for number, _ in entries] in ([*range(count)], [*range(1, count + 1)]):
+            lists.add(tuple(name for _, name in entries))
+    is_named = len(lists) == 1 and not is_mapped and all(name.startswith("column ") for name in unnamed)
+    table = renamed(table, dict(zip(unnamed, lists.pop(), strict=True))) if is_named else table
     remarks: tuple[str, ...] = (f"columns from a document: {', '.join(table.names)}",) if is_named else ()
     units, other_units, meant = dict[str, str](), dict[str, str](), dict[str, str]()
     headers = [header_of(table, name) for name in table.columns]
@@ -166,15 +174,24 @@ def renamed(table: Table, names: Mapping[str, str]) -> Table:
 
 
 def _lists_in(notes: Sequence[str], file: str) -> list[tuple[str, ...]]:
-    """Return the columns in lines such as ``time (s), force (N)``, except lines on results or other files."""
+    """Return the columns in lines such as ``time (s), force (N)``, except lines on results or other files.
+
+    The line may state the order: ``M = [t F x], t in s, x in mm, F in N``.
+    """
     found = []
     for line in notes:
         files = re.findall(r"[\w*?#.-]+\.[A-Za-z]\w{0,4}\b", line)
-        entries = [entry for entry in legend_in(line, words_max=9) if entry[0] is None]
+        order = re.search(r"=\s*\[([^\W\d][^\]=]*)\]", line)
+        rest = line.replace(order[0], "; ") if order else line
+        entries = [entry for entry in legend_in(rest, words_max=9) if entry[0] is None]
         roles = {role for _, _, unit in entries for role in roles_of_unit(unit)}
         is_other = bool(files) and not any(fnmatchcase(file, name) for name in files)
         if not is_other and {"displacement", "force"} <= roles and not has_word(line, "statistic"):
-            found.append(tuple(f"{word} [{unit}]" for _, word, unit in entries))
+            names = [(word, f"{word} [{unit}]") for _, word, unit in entries]
+            words = order[1].replace(",", " ").replace(";", " ").split() if order else []
+            found.append(
+                tuple(dict(names).get(word, word) for word in words) or tuple(name for _, name in names)
+            )
     return found
 
 

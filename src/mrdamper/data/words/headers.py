@@ -121,7 +121,7 @@ def weight_unit(word: str, unit: str) -> str:
 
 @lru_cache(maxsize=10_000)  # Documents of a folder are parsed for each of its files.
 def legend_in(line: str, words_max: int = 3) -> list[tuple[int | None, str, str]]:
-    """Return (number or None, word, unit) of the columns that a line explains.
+    """Return (number or None, word, unit) of the columns that a line explains; "" without a unit.
 
     Examples: ``Columns: disp in mm, force in kN``, ``2: force [N]``, and the row ``force | kN``. A text
     of more than ``words_max`` words is a sentence.
@@ -145,12 +145,15 @@ def legend_in(line: str, words_max: int = 3) -> list[tuple[int | None, str, str]
     for chunk in _CHUNKS.split(line):
         numbered = _NUMBERED_CHUNK.fullmatch(chunk.strip())
         text = numbered[2] if numbered else chunk.strip(" -*#`")
+        text = text if word_and_unit(text)[1] else _REMARK.sub("", text).strip()
         word, unit = word_and_unit(text)
         if not unit and (match := _IN.fullmatch(text)) and roles_of_unit(match[2]):
             word, unit = match[1], match[2]
         if word and unit and len(word.split()) <= words_max:
             found.append((int(numbered[1]) if numbered else None, word, unit))
-    return found
+    # The unit may be missing, or the unit of a quantity without a role: "2 table acceleration (g)".
+    is_entry = whole is not None and len(whole[2].split()) <= 2 * words_max
+    return found or ([(int(whole[1]), whole[2], "")] if whole and is_entry else [])
 
 
 def raw_signal(text: str) -> tuple[str, str] | None:

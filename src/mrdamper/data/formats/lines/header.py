@@ -218,6 +218,11 @@ def _header_of_rows(lines: Sequence[str], first: int, delimiter: str) -> Header:
                 above, other = rows.pop(0)
                 used.add(above)
                 names = names if turned else other
+    # Names such as "ms, mm, N, mA" are only units.
+    roles = [role for name in names for role in roles_of_unit(name)]
+    if units is None and "displacement" in roles and roles.count("force") == 1:
+        units = [name.strip("[]()") if roles_of_unit(name) else "" for name in names]
+        names = [f"column {k + 1}" if unit else names[k] for k, unit in enumerate(units)]
     settings: list[str] = []
     if units is not None:
         both = list(zip(names, units, strict=True))
