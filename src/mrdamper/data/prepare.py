@@ -27,6 +27,12 @@ _PLOT_DURATION_s = 3.0  # Plotted duration of a motion without a period.
 Reference = Literal["start", "mean", "none"]
 
 
+class OppositeSignError(InputError):
+    """Error of a run whose force and velocity have a negative ``correlation``."""
+
+    correlation = 0.0
+
+
 @dataclass(frozen=True, slots=True)
 class Preparation:
     """Settings for the preparation of runs; ``None``: automatic, by the rules of ``prepare_run``."""
@@ -249,5 +255,7 @@ def _check_sign(run: RigRun, force: FloatArray, velocity: FloatArray) -> None:
     if power < -0.05 * spread:  # The correlation is below -0.05.
         found = f"force and velocity have opposite signs (correlation {power / spread:.2f})"
         expected = "extension positive and a force that resists extension positive"
-        remedy = "Put `sign = -1` at [channel.force] in the channel map if the load cell counts otherwise"
-        raise InputError(place=run.name, found=found, expected=expected, remedy=remedy)
+        remedy = "Put `sign = -1` at [channel.force] in the channel map, or use --flip-force"
+        error = OppositeSignError(place=run.name, found=found, expected=expected, remedy=remedy)
+        error.correlation = power / spread
+        raise error

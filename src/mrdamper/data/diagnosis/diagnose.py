@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from mrdamper.data import records
 from mrdamper.data.diagnosis import mechanics, resolution, sensors
 from mrdamper.data.finding import Finding, severity_rank
-from mrdamper.data.prepare import PreparedRun, prepare_run
+from mrdamper.data.prepare import OppositeSignError, PreparedRun, prepare_run
 from mrdamper.errors import InputError
 
 OF_RECORDING = (
@@ -54,8 +53,6 @@ def _diagnose_valid_record(recording: records.Recording, prepared: PreparedRun |
         try:
             prepared = prepare_run(run)
         except InputError as refusal:
-            with suppress(InputError):
-                return [*found, mechanics.find_wrong_sign(prepare_run(replace(run, force=-run.force)))]
             return [*found, *_fault_findings(refusal)]
     return [*found, *(finding for find in OF_PREPARED_RUN for finding in find(prepared))]
 
@@ -66,5 +63,7 @@ def _fault_findings(error: InputError) -> list[Finding]:
         f"{each.found}; expected {each.expected}" if each.expected else each.found: each.remedy
         for each in error.faults or (error,)
     }
-    effect = "The run is refused"
-    return [Finding("refused", found, effect, fix, severity="fault") for found, fix in faults.items()]
+    refused = Finding("refused", "", "The run is refused", "", severity="fault")
+    if isinstance(error, OppositeSignError):
+        refused = replace(refused, kind="force_sign", channel="force", size=error.correlation)
+    return [replace(refused, found=found, remedy=fix) for found, fix in faults.items()]

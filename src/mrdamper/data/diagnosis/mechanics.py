@@ -18,21 +18,6 @@ from mrdamper.data.finding import Finding, percent
 from mrdamper.data.prepare import PreparedRun
 
 
-def find_wrong_sign(prepared: PreparedRun) -> Finding:
-    """Return the finding that force and velocity have opposite signs in the file.
-
-    ``prepared`` is the run after its force was reversed.
-    """
-    velocity = prepared.trajectory.velocity[prepared.scored_from :]
-    correlation = -float(np.corrcoef(prepared.force[prepared.scored_from :], velocity)[0, 1])
-    found = f"force and velocity have opposite signs (correlation {correlation:.2f}), as if the damper gave "
-    found += "power: the force or the displacement is reversed"
-    effect = "Every coefficient would come out negative, and the run is refused"
-    remedy = "Put sign = -1 at [channel.force] in the channel map, or use mrdamper fit --flip-force; "
-    remedy += "where extension counts negative, at [channel.displacement]"
-    return Finding("force_sign", found, effect, remedy, severity="fault", channel="force", size=correlation)
-
-
 def find_force_offset(prepared: PreparedRun) -> Iterator[Finding]:
     """Generate a finding if the mean force over whole cycles is not zero.
 

@@ -47,9 +47,8 @@ def find_clipping(recording: Recording) -> Iterator[Finding]:
             clipped = Finding("clipped", found, effect, remedy, channel=role, size=100.0 * share, unit="%")
             clipped = clipped.between(*recording.time[[segments[0][0], segments[-1][1] - 1]])
             # The plateau of a force may be the extreme level of a coarse converter.
-            is_fault = share > SETTINGS.clipped_ratio_max and not (
-                role == "force" and _coarse_step(values)[0]
-            )
+            is_plateau = role == "force" and _coarse_step(values)[1] > SETTINGS.coarse_note_ratio
+            is_fault = share > SETTINGS.clipped_ratio_max and not is_plateau
             yield replace(clipped, severity="fault") if is_fault else clipped
 
 

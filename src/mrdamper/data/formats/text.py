@@ -73,7 +73,7 @@ def read_text(path: Path | Text, options: FileOptions) -> Table:
             expected="a header and at least two columns, separated by comma, semicolon, tab, bar or blanks",
         )
     *rows, last = (split_line(line, delimiter) for line in text.lines[first:][-3:])
-    if is_number(last[0]) and len(last) < len(rows[0] if rows else []) == len(rows[-1]):
+    if is_number("".join(last[:1])) and len(last) < len([*rows, []][0]) == len(rows[-1]):
         text = replace(text, lines=text.lines[:-1], notes=(*text.notes, "incomplete last row omitted"))
     header = read_header(head, first, delimiter)
     refuse_two_commas(text.place, head, first, delimiter)
