@@ -15,10 +15,10 @@ from mrdamper.data.formats.timestamps import date_in
 from mrdamper.data.proposal.questions import Topic, ask
 from mrdamper.data.words.headers import (
     begins_with_symbol,
-    candidates,
     has_word,
     is_per_cent,
     legend_in,
+    means,
     parse_header,
     raw_signal,
     speaks_of,
@@ -242,7 +242,7 @@ def meant_without_unit(role: str, headers: Sequence[Header]) -> Header | None:
 def no_column(role: str, table: Table, place: str) -> InputError:
     """Return the error that requests the column of a role."""
     require_no_text(role, table, place)
-    names = candidates(role, [*table.columns])
+    names = [name for name in table.columns if means(name, role)]
     bare = meant_without_unit(role, [header_of(table, name) for name in table.columns])
     scale = [name for name in table.columns if "voltage" in roles_of_unit(word_and_unit(name)[1])]
     skipped = "".join(f"; {note}" for note in table.layout.notes if note.startswith(SKIPPED))

@@ -34,7 +34,7 @@ from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all, r
 from mrdamper.data.proposal.roles import find_columns, skipped_columns
 from mrdamper.data.proposal.side_by_side import one_force_each, side_by_side, wide_of_long, with_run_numbers
 from mrdamper.data.records import CHANNELS, LEAST_SAMPLES, Recording
-from mrdamper.data.words.headers import candidates, has_word, unit_in_brackets
+from mrdamper.data.words.headers import has_word, means, unit_in_brackets
 from mrdamper.data.words.labels import Place, places_of
 from mrdamper.data.words.signs import signs_in
 from mrdamper.errors import InputError
@@ -121,18 +121,21 @@ def _may_be_run(table: Table, *, is_foreign: bool) -> bool:
     """
     is_sweep = any(_is_other_quantity(name) and increases(table, name) for name in table.names)
     is_short = table.rows < LEAST_SAMPLES
-    if not any(candidates(role, table.names) for role in QUANTITIES):  # Unnamed columns may have any role.
+    if not any(means(name, role) for role in QUANTITIES for name in table.names):
+        # Unnamed columns may have any role.
         return not (is_short or is_foreign or is_sweep or all(map(_is_other_quantity, table.names)))
     samples = headers_of(table)
     names = [each.name for each in samples]
-    motions = [name for role in ("displacement", "velocity") for name in candidates(role, names)]
-    has_time = bool(table.stamps or table.clocks or table.step_s or candidates("time", table.names))
+    motions = [name for name in names if means(name, "displacement") or means(name, "velocity")]
+    has_time = bool(
+        table.stamps or table.clocks or table.step_s or any(means(name, "time") for name in table.names)
+    )
     if not has_time and (is_short or is_sweep or all(increases(table, name) for name in motions)):
         return False
     # The motion may be in a column without a unit or with the unit V.
     is_unclear = any(not unit_in_brackets(each.name) or "voltage" in each.of_unit for each in samples)
-    has_force = bool(candidates("force", names))
-    if is_foreign or any(has_word(name, "model") for name in candidates("force", table.names)):
+    has_force = any(means(name, "force") for name in names)
+    if is_foreign or any(has_word(name, "model") and means(name, "force") for name in table.names):
         return bool(motions) and has_force
     return bool(motions) or (is_unclear and has_force and not is_short)
 

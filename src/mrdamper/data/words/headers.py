@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache
 from typing import Literal
 
-from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit
+from mrdamper.quantities import QUANTITIES, roles_of_unit
 
 _NOTED = re.compile(r"(.+?)\s*[\[({].*[\])}]\s*[\[({]([^\[({]*)[\])}]")  # remark, unit: "Force (raw) [N]"
 _BRACKETS = re.compile(r"(.+?)\s*[\[({](.*)[\])}]")
@@ -207,7 +207,7 @@ def means(name: str, role: str) -> bool:
 def begins_with_symbol(word: str, role: str) -> bool:
     """Return True if a header's word begins with the symbol of a role, as in ``i_cmd`` or ``Fmeas``."""
     symbol, first = QUANTITIES[role].symbol, word.strip()[:1]
-    is_alone = re.match(r"\S(?:set|soll|ist|cmd|ref|meas|mess|coil)?(?!\S)", _split_words(word)) is not None
+    is_alone = re.match(r"\S(?:set|soll|ist|cmd|ref|meas|mess|coil|max|min)?(?!\S)", _split_words(word)) is not None
     is_symbol = first == symbol or (first.lower() == symbol.lower() and symbol not in {"t", "T"})
     return is_alone and is_symbol
 
@@ -287,17 +287,6 @@ def unit_in_brackets(header: str) -> str:
     """Return the text in brackets at the end of a header, which may be a unit; "" without brackets."""
     match = re.fullmatch(r".*[\[({]([^\[({]*)[\])}]\s*", header.translate(_NARROW))
     return match[1].strip() if match else ""
-
-
-def candidates(role: str, headers: Sequence[str]) -> list[str]:
-    """Return the headers with a role's name or symbol, else those with its unit."""
-    quantity = QUANTITIES[role]
-    words = "|".join(word for word in quantity.headers if len(word) > (2 if word.isascii() else 1))
-    form = re.compile(rf"(?<![a-z加가])({words})")
-    named = [each for each in headers if each.strip() == quantity.symbol or form.search(each.lower())]
-    unclear = (each for each in headers if parse_header(each) is None)  # "Force (V)" is not a voltage.
-    units = {each: unit_in_brackets(each) or each.rpartition("_")[2] for each in unclear}
-    return named or [each for each, unit in units.items() if is_unit(unit, [role])]
 
 
 def _role_of(word: str) -> str | None:
