@@ -157,10 +157,7 @@ class ChannelMap:
 
     @classmethod
     def from_dict(cls, given: Mapping[str, Any], place: str = "channel map") -> ChannelMap:
-        """Return the channel map that a TOML document describes.
-
-        Raise InputError with one line for each fault. The line on an unknown key names the nearest valid key.
-        """
+        """Return the channel map of a TOML document. Raise InputError with one line for each fault."""
         document = read_record(_Document, given, place)
         constant = dict(document.constant)
         rate = constant.pop("rate_Hz", None)

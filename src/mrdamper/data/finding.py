@@ -98,11 +98,7 @@ def by_kind(findings: Sequence[Finding]) -> list[tuple[Finding, int]]:
 
 
 def without_repeats(findings: Iterable[Finding]) -> list[Finding]:
-    """Return the first finding of each kind in each run, channel and time span, worst first.
-
-    Two checks may report the same fault. For example, a check of the single run and a comparison of all runs
-    both detect a delay.
-    """
+    """Return the first finding of each kind in each run, channel and time span, worst first."""
     first: dict[tuple[object, ...], Finding] = {}
     for finding in sorted(findings, key=severity_rank):
         key = (finding.run, finding.kind, finding.channel, finding.from_s, finding.to_s)

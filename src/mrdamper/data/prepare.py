@@ -233,10 +233,7 @@ def decimate(prepared: PreparedRun, rate_Hz: float) -> PreparedRun:
 
 
 def _reference(rule: Reference, rest: FloatArray, path: signals.Kinematics, dead_band: float) -> float:
-    """Return the zero of displacement [m] by a rule of ``prepare_run``.
-
-    ``rest`` is the measured displacement in the first half of the time before the motion starts.
-    """
+    """Return the zero of displacement [m]. ``rest`` is the displacement measured before the motion starts."""
     x = path.displacement
     if rule == "none":
         return 0.0

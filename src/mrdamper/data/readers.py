@@ -213,10 +213,7 @@ def _ignored_files(
 
 
 def _with_distinct_names(read: Sequence[tuple[Path, RigFile]], space: Path) -> list[tuple[Path, RigFile]]:
-    """Return the files with unique names of their runs. Equal names get the folder's name as a prefix.
-
-    The paths and sources do not contain the temporary folder ``space``.
-    """
+    """Return the files with unique names of runs, and sources without the temporary folder ``space``."""
     runs = [recording for _, file in read for recording in file.recordings]
     names = iter(distinct_names([run.name for run in runs], [run.source for run in runs]))
     named = []

@@ -67,10 +67,7 @@ def read_tables(path: Path, options: FileOptions | None = None) -> tuple[Table, 
 
 
 def read_table(path: Path, options: FileOptions | None = None) -> Table:
-    """Return the first table in a file. The content of the file determines its format.
-
-    Raise InputError if the file is not readable or contains no numbers.
-    """
+    """Return the first table in a file. Raise InputError if the file is unreadable or has no numbers."""
     try:
         known = _recognise_format(path)
         with nullcontext() if known.read in {read_lvm, read_text} else decoding(path, known.name):

@@ -19,10 +19,7 @@ from mrdamper.data.prepare import PreparedRun
 
 
 def find_force_offset(prepared: PreparedRun) -> Iterator[Finding]:
-    """Generate a finding if the mean force over whole cycles is not zero.
-
-    Runs with a varying command are ignored because the command can cause a mean force.
-    """
+    """Generate a finding if the command is constant and the mean force over whole cycles is not zero."""
     offset = _static_force(prepared)
     if offset is None or prepared.run.constant_command is None:
         return

@@ -32,10 +32,7 @@ def find_few_samples(prepared: PreparedRun) -> Iterator[Finding]:
 
 
 def find_noise(prepared: PreparedRun) -> Iterator[Finding]:
-    """Generate findings on the force: its noise and deviation from the mean cycle.
-
-    Noise and deviation are compared with the standard deviation of the force.
-    """
+    """Generate findings on noise and repeatability of the force, relative to its standard deviation."""
     spread = float(np.std(prepared.force[prepared.scored_from :]))
     noise = white_noise(prepared.force[prepared.scored_from :])
     share = noise / spread if spread else 0.0

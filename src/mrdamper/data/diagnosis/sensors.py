@@ -172,10 +172,7 @@ def find_phase_jumps(recording: Recording) -> Iterator[Finding]:
 
 
 def _coarse_step(values: FloatArray) -> tuple[float, float]:
-    """Return the step of a quantised channel, and its rounding error / standard deviation.
-
-    Both are 0 for a channel with more levels than a converter of 8 bits has.
-    """
+    """Return step and rounding error / standard deviation of a channel with up to 256 levels, else zeros."""
     levels = np.unique(values)
     if len(levels) < 3 or len(levels) > min(256, 0.5 * len(values)):
         return 0.0, 0.0

@@ -28,10 +28,7 @@ Row = list[Any]
 
 
 def read_workbook(path: Path, options: FileOptions) -> Table:
-    """Return the table on the named sheet, or on the first sheet with samples.
-
-    ``Table.more`` has the names of the other sheets with samples.
-    """
+    """Return the table on the named sheet or the first with samples; ``more`` names the others."""
     book = _open(path)
     names = list(book.sheet_names)
     if options.part and options.part not in names:

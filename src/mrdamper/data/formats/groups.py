@@ -35,10 +35,7 @@ def read_values(values: Any, index: Any = slice(None)) -> FloatArray:  # noqa: A
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StoredArray:
-    """An array of a file that is read on first use.
-
-    ``settings`` are the attributes and single values of its groups and then of the array itself.
-    """
+    """An array that is read on first use. ``settings`` are the attributes of its groups and of the array."""
 
     path: tuple[str, ...]  # Names of the groups from outside to inside, then of the array.
     size: int
@@ -136,10 +133,7 @@ def with_prefix_groups(arrays: Iterable[StoredArray]) -> list[StoredArray]:
 
 
 def with_own_times(arrays: Iterable[StoredArray]) -> list[StoredArray]:
-    """Return arrays in which times named after a channel are in a group of this channel.
-
-    Examples for the channel ``Force [N]`` are ``time_Force``, ``t_force_s`` and ``Force time``.
-    """
+    """Return arrays with times such as ``time_Force`` or ``t_force_s`` in a group of their channel."""
     arrays = list(arrays)
     # (group, size, words except the word for time) -> channels, times
     named: dict[tuple[object, ...], tuple[list[StoredArray], list[StoredArray]]] = {}
@@ -158,10 +152,7 @@ def with_own_times(arrays: Iterable[StoredArray]) -> list[StoredArray]:
 
 
 def recordings_in(paths: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    """Return the paths of the groups that are recordings of the same channels.
-
-    ``paths`` are the paths of all channels. The result is empty if no two groups have the same channels.
-    """
+    """Return the paths of groups with the same channels, from the paths of all channels of the file."""
     for depth in range(1, max(map(len, [*paths, ()]))):
         inside: dict[tuple[str, ...], set[tuple[str, ...]]] = {}
         for path in paths:

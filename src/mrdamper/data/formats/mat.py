@@ -34,13 +34,11 @@ def _is_version_4(head: bytes) -> bool:
 
 
 def read_mat(path: Path, options: FileOptions) -> Table:
-    """Return the columns of a MAT file. Objects of MATLAB classes are omitted.
-
-    Each variable is read separately because SciPy returns no name and no size of an object.
-    """
+    """Return the columns of a MAT file. Objects of MATLAB classes are omitted."""
     from scipy.io import loadmat, whosmat
     from scipy.io.matlab import MatlabOpaque, varmats_from_mat
 
+    # Each variable is read separately because SciPy returns no name and no size of an object.
     variables: dict[str, Any] = {}
     with path.open("rb") as stream:
         head = stream.read(84)

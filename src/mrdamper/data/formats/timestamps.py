@@ -127,10 +127,7 @@ def moment_of(text: str) -> Moment | None:
 
 
 def start_in(lines: Iterable[str]) -> Moment | None:
-    """Return the start of a record that lines of words state, None unless they state exactly one time of day.
-
-    Lines about a start have priority over lines about the record in general.
-    """
+    """Return the only start of a record that lines state, else None. Other times of the record come last."""
     lines = [line for line in lines if not _OTHER.search(line)]
     groups = [" ; ".join(line for line in lines if form.search(line)) for form in (_START, _RECORD)]
     clocks, dates = (
@@ -149,10 +146,7 @@ def date_in(texts: Iterable[str]) -> tuple[float, float] | None:
 
 
 def seconds_of(cells: Texts) -> tuple[FloatArray, Moment | None]:
-    """Return the time [s] of each cell since the first time stamp of a column, and this time stamp.
-
-    The time is NaN if a cell is not a time.
-    """
+    """Return the time [s] of each cell since the first time stamp (NaN: no time), and this time stamp."""
     found = [_groups_of(cell) if cell else None for cell in cells]
     of_day = np.array([math.nan if each is None else _seconds_of_day(each) for each in found])
     dates = [each[0] if each else None for each in found]

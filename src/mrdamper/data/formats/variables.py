@@ -43,10 +43,7 @@ _NO_SETTINGS: Mapping[str, object] = MappingProxyType({})
 def table_of_variables(
     variables: Mapping[str, Any], path: Path, options: FileOptions, kind: str, skipped: Sequence[str] = ()
 ) -> Table:
-    """Return the table of all arrays in the variables of a file, at any depth.
-
-    ``settings`` of a structure or an array, if present, are its attributes.
-    """
+    """Return the table of all arrays in variables, at any depth. ``settings`` are attributes of a value."""
     found = _Variables(variables)
     skipped = [*skipped, *found.objects]
     notes = (f"{SKIPPED}{', '.join(skipped)}",) if skipped else ()

@@ -253,10 +253,7 @@ def start_of(table: Table, first_s: float, path: Path, stated: Sequence[str] = (
 
 
 def _rates_of(table: Table, others: Sequence[float] = ()) -> tuple[float, ...]:
-    """Return the different sampling rates [Hz] of a table, in words or as one number (``fs_Hz``).
-
-    The rates ``others`` are appended.
-    """
+    """Return the different sampling rates [Hz] of a table in words or numbers (``fs_Hz``), and ``others``."""
     single = {name: values[0] for name, values in table.columns.items() if len(values) == 1}
     stated = [f"{name.replace('_', ' ')}: {value:.12g}" for name, value in single.items()]
     return (*dict.fromkeys((*rates_in([*table.said, *stated]), *others)),)

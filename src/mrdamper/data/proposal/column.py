@@ -229,10 +229,7 @@ def _means_same(word: str, header: Header) -> bool:
 
 
 def meant_without_unit(role: str, headers: Sequence[Header]) -> Header | None:
-    """Return the only header that matches a role and has no unit, or None if no or several headers match.
-
-    Measured columns have priority over set points.
-    """
+    """Return the only header without unit that may mean a role; measured columns precede set points."""
     bare = [each for each in headers if not each.unit and each.of_word in {"", role}]
     found = [each for each in bare if begins_with_symbol(each.word, role) or speaks_of(each.word, role)]
     found = [each for each in found if not has_word(each.word, "set point")] or found

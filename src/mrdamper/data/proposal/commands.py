@@ -46,10 +46,7 @@ COMMAND_UNITS: dict[str, CommandUnit] = dict(zip(("current", "voltage"), get_arg
 
 
 def command_role(columns: Iterable[Column], chosen: ChannelMap, place: str) -> str:
-    """Return the role of the command: "current", "voltage", or "" if missing.
-
-    A constant in the channel map has priority over a column.
-    """
+    """Return the role of the command: "current", "voltage" or "". A constant has priority over a column."""
     measured = {column.role for column in columns}
     if both := {*COMMAND_UNITS} & measured & chosen.constant.keys():
         found = f"{both.pop()} is a column and a constant of the channel map; leave one out"
@@ -132,10 +129,7 @@ def _require_agreement(
 
 
 def with_temperature(piece: Piece, chosen: ChannelMap, texts: Sequence[Place]) -> Piece:
-    """Add a constant temperature from the map or from words if there is no temperature column.
-
-    Contradictory temperatures are not used and give a finding.
-    """
+    """Add a constant temperature from the map or from words. Contradictory temperatures give a finding."""
     if "temperature" in piece.channels:
         return piece
     value = chosen.constant.get("temperature")

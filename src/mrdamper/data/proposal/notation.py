@@ -38,10 +38,7 @@ _NAMES = ("name", "names", "channel", "channels", "column", "columns", "label", 
 
 
 def entries_of(text: str, suffix: str) -> list[str]:
-    """Return the entries of a document in the notation of its suffix as lines.
-
-    Raise ValueError if the document is not valid JSON, RecursionError if it is nested too deeply.
-    """
+    """Return the entries of a document as lines. Raise ValueError or RecursionError for damaged JSON."""
     if suffix == ".json":
         return [*_lines(_tree_of_object(json.loads(text)))]
     remarks, tree = _tree_of_lines(text, suffix)

@@ -136,10 +136,7 @@ def _without_repeated_end(piece: Piece) -> Piece:
 
 
 def repaired_parts(piece: Piece) -> Iterator[Piece]:
-    """Repair a piece, and generate its parts between time gaps, with a finding for each change.
-
-    A piece is not divided if one of the parts would be too short.
-    """
+    """Repair a piece, and generate its parts between gaps if none is too short, with findings on changes."""
     piece = _filled(_without_repeated_end(piece))
     steps = np.diff(piece.time)
     increases = len(steps) > 0 and bool(np.isfinite(steps).all() and (steps > 0.0).all())

@@ -114,10 +114,7 @@ class Answer:
 
 
 def parse_answers(given: Sequence[str]) -> tuple[Answer, ...]:
-    """Parse answers of the form ``ROLE.TOPIC=VALUE`` with an optional pattern of files.
-
-    Raise InputError if an answer has a different form, or an unknown role or topic.
-    """
+    """Parse answers ``FILES:ROLE.TOPIC=VALUE`` (files optional). Raise InputError for other forms."""
     answers = []
     for text in given:
         place, found = f"answer {text!r}", _ANSWER.fullmatch(text.strip())

@@ -162,10 +162,7 @@ def _part_of(
     stated: Sequence[Place],
     lists: Mapping[str, Sequence[str]],
 ) -> tuple[list[Piece], Sequence[Column], Sequence[str]]:
-    """Return the pieces of a table, which are ranges of rows, its columns, and notes.
-
-    ``maps`` are the maps of tests by first row, if the channel map divides the table into tests.
-    """
+    """Return the pieces of a table, its columns, and notes. ``maps`` are the maps of tests by first row."""
     place = file.name
     chosen = maps.get(0, chosen)
     columns = find_columns(table, chosen, place)

@@ -210,10 +210,7 @@ def _column_without_unit(
 
 
 def _is_needed(role: str, headers: Sequence[Header]) -> bool:
-    """Return True if a run requires a role, so that an unclear column results in a question.
-
-    A run requires current or voltage.
-    """
+    """Return True if a run requires a role (current or voltage), so that an unclear column is a question."""
     if role == "current":
         return not any("voltage" in each.of_unit and says_command(each.word) for each in headers)
     if role == "voltage":

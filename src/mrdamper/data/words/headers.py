@@ -207,7 +207,9 @@ def means(name: str, role: str) -> bool:
 def begins_with_symbol(word: str, role: str) -> bool:
     """Return True if a header's word begins with the symbol of a role, as in ``i_cmd`` or ``Fmeas``."""
     symbol, first = QUANTITIES[role].symbol, word.strip()[:1]
-    is_alone = re.match(r"\S(?:set|soll|ist|cmd|ref|meas|mess|coil|max|min)?(?!\S)", _split_words(word)) is not None
+    is_alone = (
+        re.match(r"\S(?:set|soll|ist|cmd|ref|meas|mess|coil|max|min)?(?!\S)", _split_words(word)) is not None
+    )
     is_symbol = first == symbol or (first.lower() == symbol.lower() and symbol not in {"t", "T"})
     return is_alone and is_symbol
 

@@ -206,10 +206,7 @@ def scales_in(line: str) -> tuple[tuple[float, str], ...]:
 
 
 def span_in(line: str) -> tuple[str, float, float, str, str] | None:
-    """Return the text before a span with both ends, its factor, offset, raw unit and unit, else None.
-
-    An example is ``0 % = -40 mm ; 100 % = +40 mm``.
-    """
+    """Return text, factor, offset, raw unit and unit of a span such as ``x: 0 % = -40 mm; 100 % = 40 mm``."""
     points = [*_POINT_OF_SPAN.finditer(line)]
     if len(points) != 2 or len({(point[2], point[4]) for point in points}) != 1:
         return None

@@ -35,10 +35,7 @@ _FORMS = {".": _form(".", ","), ",": _form(",", ".")}
 
 
 def number_in(cell: str, decimal: str) -> float | None:
-    """Return the number in a cell, None if the cell is not a number.
-
-    Also accepted: ``1.0D+02``, blanks after the sign, and groups of thousands.
-    """
+    """Return the number in a cell, such as ``1.0D+02``, ``- 1.5`` or ``1,234.5``, else None."""
     found = _FORMS["," if decimal == "," else "."].fullmatch(cell)
     if found is None:
         return float(cell.replace("∞", "inf")) if _NOT_FINITE.fullmatch(cell) else None

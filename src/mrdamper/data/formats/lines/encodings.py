@@ -132,10 +132,7 @@ def _western(content: bytes) -> str:
 
 
 def _eastern(content: bytes) -> str:
-    """Return the East Asian encoding of a text, "" if no encoding is valid.
-
-    Of several valid encodings, an encoding is chosen that turns the bytes into the name of a channel.
-    """
+    """Return the East Asian encoding of a text, preferably with names of channels; "" if none is valid."""
     fitting: dict[str, str] = {}
     for narrow, encoding in (("gb2312", _CHINESE), (_JAPANESE, _JAPANESE), ("euc_kr", _KOREAN)):
         with suppress(UnicodeDecodeError):

@@ -217,10 +217,7 @@ def _scales(found: Mapping[str, list[str]], equation: re.Match[str] | None) -> I
 
 
 def _by_rows(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, list[str]]]:
-    """Generate (property, values of the channels) from each row that begins with a property.
-
-    The values are in the same row, or in the next row.
-    """
+    """Generate (property, values) from rows that begin with a property; the next row may have the values."""
     for row, below in zip_longest(rows, rows[1:], fillvalue=()):
         if row and (name := property_of(row[0])):
             yield name, [*(row[1:] if any(row[1:]) else below)]
