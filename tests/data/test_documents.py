@@ -293,7 +293,13 @@ def described(text: str, *, head: str = "", across: bool = False, scales: Sequen
     return writer
 
 
-def other_quantities(folder: Path) -> None:
+LIST = (
+    "1 time (sec)\n2  table acceleration (g)\n3  stroke (mm), + elongation\n4  force (N), + tension\n"
+    "5  coil current (A)\n6 mark\n"
+)
+
+
+def other_quantities(folder: Path, text: str = LIST) -> None:
     """Write columns without header, with an acceleration and a mark, and a list of the columns."""
     for run, current in zip(RUNS, CURRENTS, strict=True):
         t, x, f, i = columns(run)
@@ -302,8 +308,7 @@ def other_quantities(folder: Path) -> None:
             f"test_{current:.2f}A.txt".replace(".", ",", 1),
             table(t, 0.0 * t, x, f, i, 0.0 * t, sign=" "),
         )
-    names = "1 time (sec)\n2  table acceleration (g)\n3  stroke (mm), + elongation\n4  force (N), + tension\n"
-    write(folder, "readme.txt", f"ASCII, columns:\n{names}5  coil current (A)\n6 mark\n{OIL}")
+    write(folder, "readme.txt", f"ASCII, columns:\n{text}{OIL}")
 
 
 OIL = "Oil: 0,0 A - 30 °C; 0,75 A - 30 °C; 1,5 A - 30 °C\n"
@@ -331,6 +336,9 @@ EXPLAINED: dict[str, Writer] = {
         " current in A.\n" + OIL
     ),
     "numbered_quantities_without_role": other_quantities,
+    "list_with_other_units_in_a_line": lambda folder: other_quantities(
+        folder, "time (s), acceleration (g), stroke (mm), force (N), coil current (A), mark (-)\n"
+    ),
     "table_of_columns": described(
         "| 1 | time | s |\n| 2 | stroke | mm |\n| 3 | load | N |\n| 4 | coil current | A |\n" + OIL
     ),
@@ -868,6 +876,7 @@ SENTENCES: dict[str, set[int]] = {
     "Runs 2 and 3 are unusable": {2, 3},
     "run_3 比較用（MRダンパではない）": {3},
     "Rig friction: run_2, Dämpfer ausgebaut": {2},
+    "run_2: no damper fitted": {2},
     "run_2: damper removed and refitted": set(),
     "The heater was not used in run_2.": set(),
     "After an aborted attempt run_2 was recorded.": set(),

@@ -691,6 +691,8 @@ def test_current_in_name_requires_unit(value, before, unit, after, sign):
             for unit in ("DEGC", "deg c", "°C", "c", "Celsius")
         ),
         ("temperature", "oil 86 degF", 303.15),
+        ("temperature", "oil 30 ± 1 °C", 303.15),
+        ("current", "coil 0.25+/-0.01 A", 0.25),
     ],
 )
 def test_values_with_exponents_or_unit_words_are_read(role, text, value):

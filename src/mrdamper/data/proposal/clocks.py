@@ -20,7 +20,6 @@ from mrdamper.data.formats.settings import SETTINGS
 from mrdamper.data.formats.table import Moment, Table
 from mrdamper.data.formats.timestamps import DAY_S, date_in, start_in
 from mrdamper.data.proposal.column import (
-    Column,
     column_list,
     header_of,
     meant_without_unit,
@@ -280,14 +279,6 @@ def unit_by_magnitude(times: FloatArray, step_max_s: float = _STEP_MAX_S) -> str
         if _STEP_MIN_S <= step / ticks <= step_max_s and low <= counts[0] and counts[-1] < high
     )
     return next(fitting, "")
-
-
-def require_one_rate(column: Column, table: Table, place: str) -> None:
-    """Raise InputError if the sampling rate above the table agrees with another unit of time."""
-    expected = unit_by_rate(column.name, table) if table.said else ""
-    if expected and to_si(1.0, expected, "time") != to_si(1.0, column.unit, "time"):
-        found = f"column {column.name!r} is in {column.unit}, but the sampling rate above it contradicts"
-        raise no_unit("time", place, column.name, found)
 
 
 def increases(table: Table, name: str, *, always: bool = False) -> bool:

@@ -237,7 +237,7 @@ def _times(table: Table, headers: Sequence[Header], chosen: ChannelMap, place: s
 
 
 def _temperature_of(run: Run, log: _Log, runs: Sequence[Run]) -> FloatArray:
-    """Return the temperatures [K] of a log during a run. Raise InputError if the log does not cover the run."""
+    """Return the temperatures [K] of a log during a run. Raise InputError if it does not cover the run."""
     path, recording, start = run
     begin, seconds, kelvin = log
     if recording.temperature is not None:

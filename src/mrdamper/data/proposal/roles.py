@@ -119,8 +119,10 @@ def column_of(
         best = _best(role, of_unit, table)
         source = "header" if best[0].of_word == role else "unit alone"
         column = _select_one(role, [Column(role, each.name, each.unit, source) for each in best], place)
-        if role == "time":
-            clocks.require_one_rate(column, table, place)
+        expected = clocks.unit_by_rate(column.name, table) if role == "time" and table.said else ""
+        if expected and to_si(1.0, expected, role) != to_si(1.0, column.unit, role):
+            found = f"column {column.name!r} is in {column.unit}, but the sampling rate above it contradicts"
+            raise no_unit(role, place, column.name, found)
         return Column(role, column.name, channel.unit or column.unit, column.source)
     return _column_without_unit(role, table, headers, chosen, place)
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache
 from typing import Literal
 
-from mrdamper.quantities import QUANTITIES, roles_of_unit
+from mrdamper.quantities import QUANTITIES, is_any_unit, roles_of_unit
 
 _NOTED = re.compile(r"(.+?)\s*[\[({].*[\])}]\s*[\[({]([^\[({]*)[\])}]")  # remark, unit: "Force (raw) [N]"
 _BRACKETS = re.compile(r"(.+?)\s*[\[({](.*)[\])}]")
@@ -149,9 +149,12 @@ def legend_in(line: str, words_max: int = 3) -> list[tuple[int | None, str, str]
         word, unit = word_and_unit(text)
         if not unit and (match := _IN.fullmatch(text)) and roles_of_unit(match[2]):
             word, unit = match[1], match[2]
+        other = unit_in_brackets(text)  # of a quantity without a role: "table acceleration (g)"
+        if not unit and is_any_unit(other) and not other.isdigit():
+            word, unit = re.split(r"\s*[\[({]", text)[0], other
         if word and unit and len(word.split()) <= words_max:
             found.append((int(numbered[1]) if numbered else None, word, unit))
-    # The unit may be missing, or the unit of a quantity without a role: "2 table acceleration (g)".
+    whole = whole or _NUMBERED_CHUNK.fullmatch(" ".join(" ".join(cells).split()))
     is_entry = whole is not None and len(whole[2].split()) <= 2 * words_max
     return found or ([(int(whole[1]), whole[2], "")] if whole and is_entry else [])
 

@@ -69,6 +69,7 @@ _TESTED_AT = re.compile(
     r"|bada|pomiar|испыт|опыт).*\b(?:at|bei|à|a|w|przy|при) (?:an? )?(?:room|ambi|raum|zimm|umgeb|temp|комн)"
     r"|室温.*(?:下|で)"
 )
+_TOLERANCE = re.compile(r"\s*(?:±|\+/?-)\s*\d+(?:[.,]\d+)?")
 _MODEL = re.compile(r"(?<![A-Za-z])[A-Z]{2,}-\d{2,}[AV]\b")  # type of an instrument, such as "DCS-100A"
 CONDITIONS = ("current", "voltage", "temperature")
 DOCUMENT = "document"  # The source of a value from a document begins with this word.
@@ -133,7 +134,7 @@ class Label:
 
 def labels_in(text: str, role: str) -> tuple[float, ...]:
     """Return the different values of a role [SI] in a text."""
-    text = _GLUED.sub(r"\1 ", _MODEL.sub("", text.translate(_CYRILLIC)))
+    text = _GLUED.sub(r"\1 ", _MODEL.sub("", _TOLERANCE.sub("", text.translate(_CYRILLIC))))
     found = [(sign + number, unit) for sign, number, unit in _FORMS[role].findall(text)]
     found += [(number, unit) for unit, number in _AFTER_UNIT[role].findall(text)]
     values: dict[float, None] = {}
@@ -301,7 +302,8 @@ _REJECTED = re.compile(
     r"|ne használ|érvénytelen|geçersiz|не использ|брак\b|недейств|kassera|ogiltig|ugyldig|hylätty|ongeldig"
     rf"|(?:without|ohne|sans|sin|sem|senza|bez|zonder|utan|uten) (?:\w{{1,3}}\W)?{_DAMPER}"
     rf"|{_DAMPER}\w* (?:\w{{2,3}} )?(?:not|nicht|non|pas) (?:fitted|mounted|installed|attached|eingeb|mont)"
-    rf"|{_DAMPER}\w* (?:\w{{2,3}} )?(?:removed|ausgebaut|démonté)(?=\s*(?:$|[,;.)]))|\bno damper(?! \w))"
+    rf"|{_DAMPER}\w* (?:\w{{2,3}} )?(?:removed|dismounted|ausgebaut|démonté)(?=\s*(?:$|[,;.)]))"
+    r"|\bno damper(?! (?!fit|mou|inst)\w))"
     r"|作废|废弃|无效|不使用|不是\s?MR|MR\w*ではない|ノイズ確認用|無効|破棄|使用しない|무효|폐기)(?!\w*\s*[:=]\s*(?:0|no|none|false)\b)"
     r"|\b(?:valid|ok|usable|gültig|valide|válid[oa])\s*[:=]\s*(?:no|n|0|false|nein|non|nie|não)\b"
 )
