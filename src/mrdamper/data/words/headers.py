@@ -43,7 +43,7 @@ _ALL_CHANNELS = re.compile(
 _ACCELERATION = re.compile("加速度|가속도")  # These words contain the words of velocity.
 # Path of a signal in a block diagram, whose last part may be a port: "Model Root/ADC/F [N]/Out1".
 _PORT = r"/(?:out|in|output|input|value|signal|port)[ _]?\d*"
-_PATH = re.compile(rf"(?:\w+\(\)://)?((?:[^/\[({{]+/)+?)((?:[^/]|//){{2,}}?)({_PORT})?", re.IGNORECASE)
+_PATH = re.compile(rf"(?:\w+\(\)://)?((?:[^/\[({{]{{2,}}/)+?)((?:[^/]|//)+?)({_PORT})?", re.IGNORECASE)
 _NARROW = str.maketrans({**dict(zip("（）［］／", "()[]/", strict=True)), "：": ": ", "，": ", ", "；": "; "})
 
 Kind = Literal[
