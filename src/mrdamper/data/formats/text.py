@@ -72,8 +72,9 @@ def read_text(path: Path | Text, options: FileOptions) -> Table:
             found=f"no rows of numbers in the first {len(head)} lines",
             expected="a header and at least two columns, separated by comma, semicolon, tab, bar or blanks",
         )
-    *rows, last = (split_line(line, delimiter) for line in text.lines[first:][-3:])
-    if is_number("".join(last[:1])) and len(last) < len([*rows, []][0]) == len(rows[-1]):
+    rows = [split_line(line, delimiter) for line in text.lines[first:][-3:]]
+    widths = [*map(len, rows)]
+    if len(rows) == 3 and 0 < widths[2] < widths[0] == widths[1] and is_number(rows[2][0]):
         text = replace(text, lines=text.lines[:-1], notes=(*text.notes, "incomplete last row omitted"))
     header = read_header(head, first, delimiter)
     refuse_two_commas(text.place, head, first, delimiter)

@@ -28,16 +28,13 @@ _SIGNS = {
 }
 # (sign, roles) -> words of a direction. "Retracted" applies to displacement, "tension" to force.
 _DIRECTIONS = {
-    (
-        1,
-        _MOTION,
-    ): r"exten[ds]|extensi|estension|[eé]longa|elonga|ausfahr|ausgefahr|ausfeder|heraus|roztaž|wysu[wn]"
+    (1, _MOTION): r"exten[ds]|extensi|estension|[eé]longa|ausfahr|ausgefahr|ausfeder|heraus|roztaž|wysu[wn]"
     r"|sortant|выдви|伸|out(?:wards?)?\b",
     (1, _FORCE): r"tension\b|tensile|tra[çc][cç]?[aãi]|traction|trazion|zug|tah\b|rozciąg|pull|растяг|растяж"
     r"|拉|引張",
     (1, _ROLES): r"rebound",
     (-1, _MOTION): r"retract|einfahr|eingefahr|einfeder|hinein|zasun|wsu[wn]|rentrant|втяг|inwards?\b"
-    r"|(?:rod|moves?|goes) in\b",
+    r"|(?:rod|moves?|goes) in\b(?! (?:ext|com|ten|the))",
     (-1, _FORCE): r"druck|tlak|push|thrust",
     (-1, _ROLES): r"compress|compres|kompres|stlač|ścisk|stauch|jounce|bump|сжат|压|圧縮",
 }
