@@ -180,7 +180,7 @@ def _coarse_step(values: FloatArray) -> tuple[float, float]:
     apart = apart[apart > 1e-9 * np.ptp(levels)]  # Smaller distances are rounding errors.
     resolution = float(np.median(apart))
     multiples = np.round(apart / resolution)
-    regular = (np.abs(apart / resolution - multiples) < 0.1) & (multiples >= 1.0) & (multiples <= 3.0)
+    regular = (np.abs(apart / resolution - multiples) < 0.1) & (multiples >= 1.0)
     error = resolution / math.sqrt(12.0) / float(np.std(values))
     is_quantised = np.count_nonzero(regular) >= SETTINGS.quantised_ratio_min * len(apart)
     return (resolution, error) if is_quantised else (0.0, 0.0)

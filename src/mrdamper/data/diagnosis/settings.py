@@ -72,7 +72,7 @@ class DiagnosisSettings:
     # Coarse, stuck or disturbed channels
     coarse_note_ratio: float = 0.01  # rounding error / standard deviation; a larger ratio gives a note
     coarse_warning_ratio: float = 0.03  # rounding error / standard deviation; a larger ratio gives a warning
-    quantised_ratio_min: float = 0.8  # Quantised: this fraction of differences is 1, 2 or 3 steps.
+    quantised_ratio_min: float = 0.8  # Quantised: this fraction of differences is whole steps.
     stuck_steps_min: int = 20  # time steps with a constant value
     stuck_motion_ratio_min: float = 0.15  # change of the displacement / its range, while the force is stuck
     stuck_level_max_steps: float = 1.5  # change before and after a slow, constant segment / resolution
