@@ -53,6 +53,7 @@ typedef struct {
     mrd_real at[MRD_CHAIN_ALL];
     mrd_real apart[3];              /* relative stiffness of the bristles before yield */
     mrd_real along[2], per_along[2]; /* level of these bristles in retraction and extension, and its inverse */
+    mrd_real bypass[2];             /* flow past the valve / force^1/2 in retraction and extension */
     mrd_real far;                   /* maximum travel of the spring */
 } valve_chain;
 
@@ -76,6 +77,11 @@ static void chain_at(const mrd_track *c, axis_point warm, valve_chain *k)
     k->along[0] = R(1.0) - lopsided;
     k->along[1] = R(1.0) + lopsided;
     for (int i = 0; i < 2; i++) k->per_along[i] = k->along[i] > R(0.0) ? R(1.0) / k->along[i] : R(0.0);
+    k->bypass[0] = k->bypass[1] = k->at[MRD_CHAIN_BYPASS];
+    if (k->bypass[0] > R(0.0)) {
+        k->bypass[0] /= square_root(R(1.0) - k->at[MRD_CHAIN_FLOW_ASYMMETRY]);
+        k->bypass[1] /= square_root(R(1.0) + k->at[MRD_CHAIN_FLOW_ASYMMETRY]);
+    }
     k->far = k->at[MRD_CHAIN_GAP] + R(1.0) / k->at[MRD_CHAIN_SHARPNESS] + strongest / k->at[MRD_CHAIN_SPRING];
 }
 
