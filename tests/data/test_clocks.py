@@ -383,3 +383,14 @@ def test_varying_channel_without_clock_is_rejected(tmp_path):
     )
     with pytest.raises(InputError, match=r"'Current'.*states no start and no step"):
         read_run(path)
+
+
+def test_words_with_time_unit_are_no_times(tmp_path):
+    """A column of words is no time column, even if its header has a unit of time."""
+    time = np.asarray(0.005 * np.arange(800))
+    samples = zip(time, displacement_mm(time), force_N(time), strict=True)
+    rows = [f"{'run' if t > 1.0 else 'wait'},{x:.4f},{f:.3f},0.5" for t, x, f in samples]
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join(["state [s],x [mm],F [N],I [A]", *rows]), encoding="utf-8")
+    with pytest.raises(InputError, match="no time column"):
+        read_run(path)

@@ -540,6 +540,8 @@ def test_listed_start_times_select_temperatures_from_log(tmp_path, layout):
         ("Vorzeichen: Einfedern und Druckkraft positiv", (-1, -1)),
         ("COMPRESSION IS POSITIVE FOR STROKE AND FORCE", (-1, -1)),
         ("Corsa positiva in estensione, forza positiva in trazione", (1, 1)),
+        ("przemieszczenie dodatnie = wysuwanie (rozciąganie), siła dodatnia = ściskanie", (1, -1)),
+        ("stroke (rod out) positive, load positive when pushing (compression)", (1, -1)),
         ("damper force, kN (compression positive)", (None, -1)),
         ("Peak compression: 300 N, positive peak 200 N", (None, None)),
         ("LVDT 5 mm/V (plus = rod moves out), load cell 500 N/V (plus = pushed together)", (1, -1)),

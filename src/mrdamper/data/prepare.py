@@ -252,7 +252,7 @@ def _check_sign(run: RigRun, force: FloatArray, velocity: FloatArray) -> None:
     if power < -0.05 * spread:  # The correlation is below -0.05.
         found = f"force and velocity have opposite signs (correlation {power / spread:.2f})"
         expected = "extension positive and a force that resists extension positive"
-        remedy = "Put `sign = -1` at [channel.force] in the channel map, or use --flip-force"
+        remedy = "Put `sign = -1` at [channel.force] in the channel map, or use mrdamper fit --flip-force"
         error = OppositeSignError(place=run.name, found=found, expected=expected, remedy=remedy)
         error.correlation = power / spread
         raise error

@@ -149,7 +149,7 @@ def with_clocks(table: Table) -> Table:
     """
     # A reader appends a number to a repeated name: "time (2)".
     plain = {name: re.sub(r" \(\d+\)$", "", name) for name in table.names}
-    times = [name for name in table.names if "time" in roles_of_unit(word_and_unit(plain[name])[1])]
+    times = [name for name in table.columns if "time" in roles_of_unit(word_and_unit(plain[name])[1])]
     alone = times or [name for name in table.columns if table.units.get(name) == "s"]
     if len(alone) == 1:
         return _with_slow_channels(table, alone[0])

@@ -43,6 +43,7 @@ _DIRECTION_FORMS = {
     for key, words in _DIRECTIONS.items()
 }
 _CLAUSES = re.compile(r"[,;.()|，；。]|\s/\s|\b(?:and|und|et|e|y|a|i)\b", re.IGNORECASE)
+_EXPLAINED = re.compile(r"([^,;.()]*)(\([^()]*\))")
 _NO_SIGN = re.compile(r"peak|max|min\b|offset|spitze|limit|pressure", re.IGNORECASE)
 
 
@@ -59,13 +60,15 @@ def _signs_of_line(line: str) -> list[tuple[str, int]]:
     # A single minus may be the mark of an empty cell.
     for word, form in _SIGNS.items() if re.search("[+=]|ve\\b|minus", line) else ():
         line = form.sub(f" {word} ", line)
-    polarities = [sign for sign, form in _POLARITIES.items() if form.search(line)]
+    # A direction in parentheses can explain the direction before it: "rod out (tension) is positive".
+    line = _EXPLAINED.sub(lambda m: m[0] if _polarities_in(m[2]) or not _directions_in(m[1]) else m[1], line)
+    polarities = _polarities_in(line)
     if not polarities or _NO_SIGN.search(line):
         return []
     found = []
     clauses = [(clause, directions) for clause in _clauses_of(line) if (directions := _directions_in(clause))]
     for clause, directions in clauses:
-        own = [sign for sign, form in _POLARITIES.items() if form.search(clause)] or polarities
+        own = _polarities_in(clause) or polarities
         if len(own) == 1 and len({sign for sign, _ in directions}) == 1:
             roles = (len(clauses) > 1 and _roles_in(clause)) or directions[0][1]
             roles = roles if len(roles) == 1 else _roles_in(line) or roles
@@ -83,6 +86,10 @@ def _clauses_of(line: str) -> list[str]:
                 clauses.append("")
             clauses[-1] += f" {word}"
     return clauses
+
+
+def _polarities_in(text: str) -> list[int]:
+    return [sign for sign, form in _POLARITIES.items() if form.search(text)]
 
 
 def _directions_in(text: str) -> list[tuple[int, tuple[str, ...]]]:
