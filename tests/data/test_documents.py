@@ -551,6 +551,8 @@ def test_listed_start_times_select_temperatures_from_log(tmp_path, layout):
         ("damper force (kgf), + tension", (None, 1)),
         ("load cell -ve in tension", (None, -1)),
         ("0.5 A + compression test at +/-10 kN, rebound -", (None, None)),
+        ("x = 0 at mid stroke, start = + 5 mm, push the button", (None, None)),
+        ("Compression tests 1-3, tension tests 4-6: + 0.5 A", (None, None)),
     ],
 )
 def test_positive_direction_is_read_from_text(line, signs):
