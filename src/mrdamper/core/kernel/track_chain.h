@@ -158,8 +158,8 @@ static void link_prepare(const mrd_track *c, const valve_chain *chain, const mrd
     s->level[LINK_PRE_YIELD] = amplitude * k[MRD_CHAIN_SHARE];
     s->viscoplastic = amplitude - s->level[LINK_PRE_YIELD];
     s->slowness = k[MRD_CHAIN_SLOWNESS] / (R(1.0) + k[MRD_CHAIN_SLOWNESS] * k[MRD_CHAIN_CREEP] * yield);
-    const mrd_real past = chain->bypass[0] > R(0.0) ? s->slowness * square_root(yield) : R(0.0);
-    for (int i = 0; i < 2; i++) s->bypass[i] = past * chain->bypass[i];
+    const mrd_real scale = chain->bypass[0] > R(0.0) ? s->slowness * square_root(yield) : R(0.0);
+    for (int i = 0; i < 2; i++) s->bypass[i] = scale * chain->bypass[i];
     s->thinning = s->gain * (k[MRD_CHAIN_THINNING] * yield + now->at[MRD_PLANE_THINNING]);
     s->level[LINK_FRICTION] = k[MRD_CHAIN_FRICTION];
     if (k[MRD_CHAIN_EXCESS] > R(0.0))

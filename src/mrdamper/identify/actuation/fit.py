@@ -160,7 +160,7 @@ def refine_actuation(
         return float(np.sum(lagged.residual(lagged.forces_at_lags(actuation)) ** 2))
 
     compared = random_runs if len(random_runs) > 1 else runs
-    if len(compared) < 2 or (compared is not random_runs and not has_one_quadrant):
+    if len(compared) < 2 or (len(random_runs) < 2 and not has_one_quadrant):
         return damper, fit
     if not has_one_quadrant:
         pair = [(form, random_runs[:2], random_runs[:2]) for form in (TWO_LOOPS_FREE_WHEELING, SIMPLE)]
