@@ -874,6 +874,8 @@ def test_discarded_folder_is_listed_not_read(tmp_path):
 
 SENTENCES: dict[str, set[int]] = {
     "run_2 was aborted, pump failure": {2},
+    "run_2: damper not fitted (rig friction)": {2},
+    "run_2: damper not mounted in the oven": set(),
     "Discarded: run_2 and run_3": {2, 3},
     "Do not use run_2.": {2},
     "ne pas utiliser run_2": {2},
